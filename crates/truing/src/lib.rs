@@ -1,0 +1,36 @@
+#![doc = include_str!("../README.md")]
+
+pub mod autodiff;
+mod block;
+pub mod check;
+mod constraint;
+mod covariance;
+mod error;
+pub mod identifiability;
+mod least_squares;
+mod loss;
+pub mod manifold;
+mod noise;
+mod prior;
+mod problem;
+mod scalar;
+mod solution;
+pub mod solver;
+pub mod step;
+mod variable;
+
+pub use block::{Batch, ConstraintBlock, PanelWriter};
+pub use constraint::{Constraint, Jacobian, Point, Views};
+pub use covariance::Covariance;
+pub use error::Error;
+pub use least_squares::{LeastSquares, Linearization, StepBounds, Structure, check_finite};
+pub use loss::Loss;
+pub use noise::Noise;
+pub use prior::Prior;
+pub use problem::Problem;
+pub use scalar::{Dual, Scalar, value};
+pub use solution::{BlockReport, Solution};
+pub use solver::{Method, Settings, Termination, Tolerances, solve, solve_from};
+pub use variable::{MAX_VARS, Slot, Values, Var, Variable, Vars};
+
+pub use {argmin, nalgebra, num_dual};

@@ -1,0 +1,428 @@
+//! Problems: variables, constraints, what is free and what is fixed.
+
+use crate::autodiff::Scratch;
+use crate::block::{Batch, ConstraintBlock, PanelWriter};
+use crate::constraint::Constraint;
+use crate::error::Error;
+use crate::least_squares::{LeastSquares, Linearization, StepBounds, Structure};
+use crate::prior::Prior;
+use crate::variable::{Slot, Values, Var, Variable, VariableSlot, Vars};
+use std::ops::Range;
+use std::sync::{Arc, Mutex, OnceLock};
+
+/// A least-squares problem: variables with starting values, and blocks of constraints on them.
+///
+/// The Jacobian is always complete. Fixing a variable or a component only leaves its columns out of
+/// the step, so what is identifiable can be asked of everything.
+#[derive(Default)]
+pub struct Problem {
+    variables: Vec<VariableSlot>,
+    initial: Values,
+    columns: usize,
+    fixed: Vec<bool>,
+    /// Bounds on the tangent of the starting value, one pair a column.
+    bounds: Vec<(f64, f64)>,
+    blocks: Vec<Box<dyn ConstraintBlock>>,
+    structure: OnceLock<(Arc<Structure>, Vec<Vec<usize>>)>,
+    memory: Mutex<(Scratch, Vec<usize>)>,
+}
+
+impl Problem {
+    /// A problem without variables and constraints.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Adds a variable with its starting value.
+    pub fn add_variable<V: Variable>(
+        &mut self,
+        name: impl Into<String>,
+        value: &V::Value,
+    ) -> Var<V> {
+        let stored = V::store(value);
+        let tangent_dim = V::tangent_dim(stored.len());
+        let slot = Slot {
+            index: self.variables.len(),
+            offset: self.initial.data.len(),
+            len: stored.len(),
+            column: self.columns,
+        };
+        self.variables.push(VariableSlot {
+            name: name.into(),
+            ambient: slot.offset..slot.offset + slot.len,
+            tangent: slot.column..slot.column + tangent_dim,
+            plus: V::plus::<f64>,
+            minus: V::minus::<f64>,
+        });
+        self.initial.data.extend(stored);
+        self.columns += tangent_dim;
+        self.fixed.resize(self.columns, false);
+        self.bounds
+            .resize(self.columns, (f64::NEG_INFINITY, f64::INFINITY));
+        self.structure = OnceLock::new();
+        Var::new(slot)
+    }
+
+    /// Adds one constraint with unit noise and the trivial loss. For many, make a [`Batch`].
+    #[track_caller]
+    pub fn add<C: Constraint>(
+        &mut self,
+        name: impl Into<String>,
+        vars: <C::Vars as Vars>::Handles,
+        constraint: C,
+    ) {
+        let mut batch = Batch::new(name);
+        batch.push(vars, constraint);
+        self.add_block(batch);
+    }
+
+    /// Adds a block of constraints; returns its number.
+    ///
+    /// # Panics
+    /// If it names a variable that this problem does not have.
+    #[track_caller]
+    pub fn add_block(&mut self, block: impl ConstraintBlock + 'static) -> usize {
+        for item in 0..block.len() {
+            for index in block.variables(item) {
+                assert!(
+                    index < self.variables.len(),
+                    "constraint {item} of `{}` is on variable {index}, the problem has {}",
+                    block.name(),
+                    self.variables.len()
+                );
+            }
+        }
+        self.blocks.push(Box::new(block));
+        self.structure = OnceLock::new();
+        self.blocks.len() - 1
+    }
+
+    /// Adds a prior on every component: (x ⊟ mean)ᵢ has standard deviation `sigma`.
+    ///
+    /// # Errors
+    /// If sigma is not positive and finite.
+    pub fn prior<V: Variable>(
+        &mut self,
+        var: Var<V>,
+        mean: &V::Value,
+        sigma: f64,
+    ) -> Result<(), Error> {
+        let sigmas: Vec<_> = (0..var.tangent_dim())
+            .map(|component| (component, sigma))
+            .collect();
+        self.prior_components(var, mean, &sigmas)
+    }
+
+    /// Adds a prior on some components, given as (component, standard deviation).
+    ///
+    /// # Errors
+    /// If a sigma is not positive and finite.
+    ///
+    /// # Panics
+    /// If there is no such component.
+    #[track_caller]
+    pub fn prior_components<V: Variable>(
+        &mut self,
+        var: Var<V>,
+        mean: &V::Value,
+        sigmas: &[(usize, f64)],
+    ) -> Result<(), Error> {
+        let name = format!("prior on {}", self.variables[var.index()].name);
+        let prior = Prior::new(name, var, mean, sigmas)?;
+        self.add_block(prior);
+        Ok(())
+    }
+
+    /// Holds a variable at its value.
+    #[track_caller]
+    pub fn fix<V: Variable>(&mut self, var: Var<V>) {
+        let range = self.columns_of(var);
+        self.fixed[range].fill(true);
+    }
+
+    /// Holds one component of a variable's tangent.
+    #[track_caller]
+    pub fn fix_component<V: Variable>(&mut self, var: Var<V>, component: usize) {
+        let range = self.columns_of(var);
+        self.fixed[range][component] = true;
+    }
+
+    /// Lets a variable be estimated again.
+    #[track_caller]
+    pub fn free_variable<V: Variable>(&mut self, var: Var<V>) {
+        let range = self.columns_of(var);
+        self.fixed[range].fill(false);
+    }
+
+    /// Fixes or frees one column of the Jacobian.
+    #[track_caller]
+    pub fn set_column_fixed(&mut self, column: usize, fixed: bool) {
+        self.fixed[column] = fixed;
+    }
+
+    /// Bounds one component: `lower ≤ (x ⊟ x₀)ᵢ ≤ upper` with x₀ the starting value given when the
+    /// variable was added. Steps are then box-constrained (clarabel) where a bound could be active.
+    #[track_caller]
+    pub fn bound_component<V: Variable>(
+        &mut self,
+        var: Var<V>,
+        component: usize,
+        lower: f64,
+        upper: f64,
+    ) {
+        let range = self.columns_of(var);
+        self.bounds[range][component] = (lower, upper);
+    }
+
+    /// The columns of a variable in the Jacobian.
+    pub fn columns_of<V: Variable>(&self, var: Var<V>) -> Range<usize> {
+        self.variables[var.index()].tangent.clone()
+    }
+
+    /// The starting values.
+    pub fn initial(&self) -> &Values {
+        &self.initial
+    }
+
+    /// The blocks of constraints.
+    pub fn blocks(&self) -> impl Iterator<Item = &dyn ConstraintBlock> {
+        self.blocks.iter().map(|block| &**block)
+    }
+
+    /// Rows of block number `block` in r and J.
+    #[track_caller]
+    pub fn block_rows(&self, block: usize) -> Range<usize> {
+        let start: usize = self.blocks[..block].iter().map(|b| b.len() * b.dim()).sum();
+        start..start + self.blocks[block].len() * self.blocks[block].dim()
+    }
+
+    /// Residuals of a block in the measurements' own units: not whitened, not reweighted.
+    #[track_caller]
+    pub fn raw_residual(&self, block: usize, x: &Values) -> Vec<f64> {
+        let block = &self.blocks[block];
+        let mut r = vec![0.0; block.len() * block.dim()];
+        block.raw_residual(&x.data, &mut r);
+        r
+    }
+
+    /// Number of residual rows.
+    pub fn rows(&self) -> usize {
+        self.blocks.iter().map(|b| b.len() * b.dim()).sum()
+    }
+
+    /// Number of columns, free and fixed.
+    pub fn cols(&self) -> usize {
+        self.columns
+    }
+
+    /// Structure of J, and where each block's first entry goes in every column.
+    fn layout(&self) -> &(Arc<Structure>, Vec<Vec<usize>>) {
+        self.structure.get_or_init(|| {
+            let mut counts = vec![0; self.columns + 1];
+            let each_panel = |visit: &mut dyn FnMut(usize, usize, usize)| {
+                let mut row = 0;
+                for block in &self.blocks {
+                    for item in 0..block.len() {
+                        for index in block.variables(item) {
+                            for column in self.variables[index].tangent.clone() {
+                                visit(column, row, block.dim());
+                            }
+                        }
+                        row += block.dim();
+                    }
+                }
+                row
+            };
+            let rows = each_panel(&mut |column, _, dim| counts[column + 1] += dim);
+            for column in 0..self.columns {
+                counts[column + 1] += counts[column];
+            }
+            let mut row_indices = vec![0; counts[self.columns]];
+            let mut cursor = counts.clone();
+            each_panel(&mut |column, row, dim| {
+                for k in 0..dim {
+                    row_indices[cursor[column] + k] = row + k;
+                }
+                cursor[column] += dim;
+            });
+            let mut starts = Vec::with_capacity(self.blocks.len());
+            let mut cursor = counts[..self.columns].to_vec();
+            for block in &self.blocks {
+                starts.push(cursor.clone());
+                for item in 0..block.len() {
+                    for index in block.variables(item) {
+                        for column in self.variables[index].tangent.clone() {
+                            cursor[column] += block.dim();
+                        }
+                    }
+                }
+            }
+            (
+                Arc::new(Structure {
+                    rows,
+                    column_starts: counts,
+                    row_indices,
+                }),
+                starts,
+            )
+        })
+    }
+}
+
+impl LeastSquares for Problem {
+    type Point = Values;
+
+    fn structure(&self) -> Arc<Structure> {
+        self.layout().0.clone()
+    }
+
+    fn residual(&self, x: &Values, r: &mut [f64]) -> f64 {
+        let mut row = 0;
+        let mut cost = 0.0;
+        for block in &self.blocks {
+            let rows = block.len() * block.dim();
+            cost += block.residual(&x.data, &mut r[row..row + rows]);
+            row += rows;
+        }
+        cost
+    }
+
+    fn linearize(&self, x: &Values, lin: &mut Linearization) {
+        let (_, starts) = self.layout();
+        let mut memory = match self.memory.lock() {
+            Ok(memory) => memory,
+            // Scratch memory holds nothing that a panic elsewhere could have spoilt.
+            Err(poisoned) => poisoned.into_inner(),
+        };
+        let (scratch, cursor) = &mut *memory;
+        let mut row = 0;
+        lin.cost = 0.0;
+        for (block, start) in self.blocks.iter().zip(starts) {
+            let rows = block.len() * block.dim();
+            cursor.clone_from(start);
+            let mut writer = PanelWriter {
+                values: &mut lin.values,
+                cursor,
+            };
+            lin.cost += block.linearize(
+                &x.data,
+                scratch,
+                &mut lin.residual[row..row + rows],
+                &mut writer,
+            );
+            row += rows;
+        }
+    }
+
+    fn plus(&self, x: &Values, delta: &[f64]) -> Values {
+        let mut out = x.clone();
+        for variable in &self.variables {
+            let delta = &delta[variable.tangent.clone()];
+            // A variable that does not move keeps its numbers to the last bit.
+            if delta.iter().any(|d| *d != 0.0) {
+                (variable.plus)(
+                    &x.data[variable.ambient.clone()],
+                    delta,
+                    &mut out.data[variable.ambient.clone()],
+                );
+            }
+        }
+        out
+    }
+
+    fn norm(&self, x: &Values) -> f64 {
+        x.data.iter().map(|x| x * x).sum::<f64>().sqrt()
+    }
+
+    fn free(&self) -> Vec<usize> {
+        (0..self.columns).filter(|c| !self.fixed[*c]).collect()
+    }
+
+    fn step_bounds(&self, x: &Values) -> Option<StepBounds> {
+        if self
+            .bounds
+            .iter()
+            .all(|(l, u)| l.is_infinite() && u.is_infinite())
+        {
+            return None;
+        }
+        let moved = self.moved(x);
+        let lower = self
+            .bounds
+            .iter()
+            .zip(&moved)
+            .map(|((l, _), m)| (l - m).min(0.0))
+            .collect();
+        let upper = self
+            .bounds
+            .iter()
+            .zip(&moved)
+            .map(|((_, u), m)| (u - m).max(0.0))
+            .collect();
+        Some(StepBounds { lower, upper })
+    }
+
+    fn describe_row(&self, row: usize) -> String {
+        let mut first = 0;
+        for block in &self.blocks {
+            let rows = block.len() * block.dim();
+            if row < first + rows {
+                let item = (row - first) / block.dim();
+                return format!(
+                    "constraint {item} of `{}` (component {})",
+                    block.name(),
+                    (row - first) % block.dim()
+                );
+            }
+            first += rows;
+        }
+        format!("row {row}")
+    }
+
+    fn describe_column(&self, column: usize) -> String {
+        match self.variables.iter().find(|v| v.tangent.contains(&column)) {
+            Some(variable) if variable.tangent.len() == 1 => format!("`{}`", variable.name),
+            Some(variable) => format!(
+                "component {} of `{}`",
+                column - variable.tangent.start,
+                variable.name
+            ),
+            None => format!("column {column}"),
+        }
+    }
+
+    fn check(&self, x: &Values) -> Result<(), Error> {
+        assert_eq!(
+            x.data.len(),
+            self.initial.data.len(),
+            "these values belong to another problem"
+        );
+        let moved = self.moved(x);
+        for (column, ((lower, upper), value)) in self.bounds.iter().zip(moved).enumerate() {
+            if !self.fixed[column] && !(*lower <= value && value <= *upper) {
+                return Err(Error::Bounds {
+                    column: self.describe_column(column),
+                    lower: *lower,
+                    upper: *upper,
+                    value,
+                });
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Problem {
+    /// x ⊟ x₀, all columns.
+    fn moved(&self, x: &Values) -> Vec<f64> {
+        let mut moved = vec![0.0; self.columns];
+        for variable in &self.variables {
+            (variable.minus)(
+                &x.data[variable.ambient.clone()],
+                &self.initial.data[variable.ambient.clone()],
+                &mut moved[variable.tangent.clone()],
+            );
+        }
+        moved
+    }
+}

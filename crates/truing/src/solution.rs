@@ -1,0 +1,61 @@
+//! Solutions and short reports of them.
+
+use crate::solver::{Evaluations, Termination};
+use crate::variable::Values;
+
+/// The outcome of a solve.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Solution {
+    /// The best point.
+    pub values: Values,
+    /// Why the solver stopped.
+    pub termination: Termination,
+    /// ½Σρ at the best point.
+    pub cost: f64,
+    /// ½Σρ at the start.
+    pub initial_cost: f64,
+    /// Iterations: trial steps.
+    pub iterations: u64,
+    /// Model evaluations.
+    pub evaluations: Evaluations,
+    /// Every block's residuals before and after.
+    pub blocks: Vec<BlockReport>,
+}
+
+/// A block's residuals before and after, in the measurements' own units.
+#[derive(Debug, Clone, PartialEq)]
+pub struct BlockReport {
+    /// Name of the block.
+    pub name: String,
+    /// Number of constraints.
+    pub count: usize,
+    /// Number of rows.
+    pub rows: usize,
+    /// Root mean square over the rows at the start.
+    pub initial_rms: f64,
+    /// Root mean square over the rows at the solution.
+    pub rms: f64,
+}
+
+impl std::fmt::Display for Solution {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        writeln!(f, "{}", self.termination)?;
+        writeln!(
+            f,
+            "cost {:.6e} → {:.6e} in {} iterations ({} residual, {} Jacobian evaluations)",
+            self.initial_cost,
+            self.cost,
+            self.iterations,
+            self.evaluations.residual,
+            self.evaluations.jacobian
+        )?;
+        for block in &self.blocks {
+            writeln!(
+                f,
+                "  {}: {} constraints, rms {:.4e} → {:.4e}",
+                block.name, block.count, block.initial_rms, block.rms
+            )?;
+        }
+        Ok(())
+    }
+}

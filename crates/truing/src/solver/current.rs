@@ -1,0 +1,92 @@
+//! What solvers know at the current point.
+
+use super::stop::{Termination, Tolerances};
+use crate::error::Error;
+use crate::least_squares::{LeastSquares, Linearization, StepBounds, check_finite};
+use crate::step::StepSolver;
+
+/// The linearisation at the current point, with its memory. Not kept in a checkpoint: made again.
+#[derive(Clone)]
+pub(super) struct Current {
+    pub lin: Linearization,
+    pub trial_residual: Vec<f64>,
+    pub free: Vec<usize>,
+    pub bounds: Option<StepBounds>,
+}
+
+impl Current {
+    /// Checks the problem and linearises it at the start.
+    pub fn start<O: LeastSquares>(problem: &O, x: &O::Point) -> Result<Self, Error> {
+        let structure = problem.structure();
+        if structure.rows == 0 {
+            return Err(Error::NoRows);
+        }
+        let free = problem.free();
+        if free.is_empty() {
+            return Err(Error::NothingFree {
+                columns: structure.cols(),
+            });
+        }
+        problem.check(x)?;
+        let trial_residual = vec![0.0; structure.rows];
+        let mut current = Self {
+            lin: Linearization::new(structure),
+            trial_residual,
+            free,
+            bounds: None,
+        };
+        current.linearize(problem, x);
+        check_finite(problem, &current.lin, &current.free)?;
+        Ok(current)
+    }
+
+    /// r, J and the bounds on a step at x.
+    pub fn linearize<O: LeastSquares>(&mut self, problem: &O, x: &O::Point) {
+        problem.linearize(x, &mut self.lin);
+        self.bounds = problem.step_bounds(x);
+    }
+
+    /// Updates the column scales to the largest norms seen, factors, and looks whether this is it:
+    /// the gradient is zero, or the residual is.
+    pub fn look<O: LeastSquares>(
+        &self,
+        problem: &O,
+        x: &O::Point,
+        scale: &mut Vec<f64>,
+        step: &mut impl StepSolver,
+        tolerances: &Tolerances,
+    ) -> Option<Termination> {
+        scale.resize(self.free.len(), 0.0);
+        let norm = self.lin.residual.iter().map(|r| r * r).sum::<f64>().sqrt();
+        let (mut cosine, mut longest) = (0.0_f64, 0.0_f64);
+        for (scale, column) in scale.iter_mut().zip(&self.free) {
+            let length = self.lin.column_norm(*column);
+            longest = longest.max(length);
+            *scale = scale.max(length);
+            let gradient = self.lin.gradient(*column);
+            let held = self.bounds.as_ref().is_some_and(|b| {
+                (gradient > 0.0 && b.lower[*column] == 0.0)
+                    || (gradient < 0.0 && b.upper[*column] == 0.0)
+            });
+            if !held && length > 0.0 && norm > 0.0 {
+                cosine = cosine.max(gradient.abs() / length / norm);
+            }
+        }
+        let positive: Vec<f64> = scale
+            .iter()
+            .map(|s| if *s > 0.0 { *s } else { 1.0 })
+            .collect();
+        step.factor(&self.lin, &self.free, &positive);
+        let rounding = 8.0 * f64::EPSILON * longest * problem.norm(x);
+        if norm <= rounding {
+            return Some(Termination::Residual {
+                value: norm,
+                tolerance: rounding,
+            });
+        }
+        (cosine <= tolerances.gradient).then_some(Termination::Gradient {
+            value: cosine,
+            tolerance: tolerances.gradient,
+        })
+    }
+}

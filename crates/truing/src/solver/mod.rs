@@ -1,0 +1,283 @@
+//! Solvers: Gauss–Newton and Levenberg–Marquardt as argmin `Solver`s, and [`solve`], which runs them.
+
+mod current;
+mod gauss_newton;
+mod levenberg_marquardt;
+mod stop;
+
+pub use gauss_newton::GaussNewton;
+pub use levenberg_marquardt::LevenbergMarquardt;
+pub use stop::{Termination, Tolerances};
+
+use crate::error::Error;
+use crate::least_squares::LeastSquares;
+use crate::problem::Problem;
+use crate::solution::{BlockReport, Solution};
+use crate::variable::Values;
+use argmin::core::observers::{Observe, ObserverMode};
+use argmin::core::{Executor, IterState, KV, Solver, State, TerminationReason, TerminationStatus};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+/// argmin's state for our solvers: the point is the parameter, the cost is ½Σρ.
+pub type SolverState<P> = IterState<P, (), (), (), (), f64>;
+
+/// Which solver takes the steps.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Method {
+    /// [`LevenbergMarquardt`]: the default; converges from far and tolerates rank deficiency.
+    #[default]
+    LevenbergMarquardt,
+    /// [`GaussNewton`]: full steps; fast near the solution, no safeguard.
+    GaussNewton,
+}
+
+/// What is told of every iteration.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Progress {
+    /// Iteration, from 1.
+    pub iteration: u64,
+    /// Lowest cost so far.
+    pub cost: f64,
+}
+
+/// How [`solve`] goes about it.
+#[derive(Clone, Default)]
+pub struct Settings {
+    /// Which solver.
+    pub method: Method,
+    /// When to stop.
+    pub tolerances: Tolerances,
+    /// Longest time; none by default.
+    pub timeout: Option<Duration>,
+    /// Set it (from a Ctrl-C handler, say) to stop after the iteration under way, with the best point so far.
+    pub interrupt: Option<Arc<AtomicBool>>,
+    /// Called after every iteration.
+    pub progress: Option<Arc<dyn Fn(Progress) + Send + Sync>>,
+}
+
+struct Tell(Arc<dyn Fn(Progress) + Send + Sync>);
+
+impl<P: Clone> Observe<SolverState<P>> for Tell {
+    fn observe_iter(&mut self, state: &SolverState<P>, _: &KV) -> Result<(), argmin::core::Error> {
+        (self.0)(Progress {
+            iteration: state.get_iter() + 1,
+            cost: state.get_best_cost(),
+        });
+        Ok(())
+    }
+}
+
+/// A solver that can say how it ended.
+pub trait Explains {
+    /// Why it stopped, if it did so itself.
+    fn termination(&self) -> Option<Termination>;
+    /// Evaluations of the residual and of the Jacobian.
+    fn evaluations(&self) -> Evaluations;
+}
+
+/// How often the model was evaluated.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, serde::Serialize, serde::Deserialize)]
+pub struct Evaluations {
+    /// Evaluations of r alone.
+    pub residual: u64,
+    /// Evaluations of r and J together.
+    pub jacobian: u64,
+}
+
+/// The interruption of a wrapped solver by a flag.
+struct Interruptible<S> {
+    solver: S,
+    flag: Option<Arc<AtomicBool>>,
+}
+
+impl<O, S: Solver<O, SolverState<O::Point>>> Solver<O, SolverState<O::Point>> for Interruptible<S>
+where
+    O: LeastSquares,
+{
+    fn name(&self) -> &str {
+        self.solver.name()
+    }
+
+    fn init(
+        &mut self,
+        problem: &mut argmin::core::Problem<O>,
+        state: SolverState<O::Point>,
+    ) -> Result<(SolverState<O::Point>, Option<KV>), argmin::core::Error> {
+        self.solver.init(problem, state)
+    }
+
+    fn next_iter(
+        &mut self,
+        problem: &mut argmin::core::Problem<O>,
+        state: SolverState<O::Point>,
+    ) -> Result<(SolverState<O::Point>, Option<KV>), argmin::core::Error> {
+        self.solver.next_iter(problem, state)
+    }
+
+    fn terminate(&mut self, state: &SolverState<O::Point>) -> TerminationStatus {
+        let own = self.solver.terminate(state);
+        if !own.terminated()
+            && self
+                .flag
+                .as_ref()
+                .is_some_and(|flag| flag.load(Ordering::SeqCst))
+        {
+            return TerminationStatus::Terminated(TerminationReason::Interrupt);
+        }
+        own
+    }
+}
+
+/// What [`run`] returns: the best point, its cost, the cost at the start, iterations and how it ended.
+#[derive(Debug, Clone)]
+pub struct Outcome<P> {
+    /// The best point.
+    pub point: P,
+    /// Its cost ½Σρ.
+    pub cost: f64,
+    /// The cost at the start.
+    pub initial_cost: f64,
+    /// Iterations: trial steps.
+    pub iterations: u64,
+    /// Model evaluations.
+    pub evaluations: Evaluations,
+    /// Why it stopped.
+    pub termination: Termination,
+}
+
+/// Solves any least-squares problem from `start`.
+///
+/// # Errors
+/// If there is no usable point: no rows, nothing free, a residual that is not finite at the start.
+pub fn run<O: LeastSquares>(
+    problem: &O,
+    start: O::Point,
+    settings: &Settings,
+) -> Result<Outcome<O::Point>, Error> {
+    match settings.method {
+        Method::LevenbergMarquardt => run_with(
+            problem,
+            start,
+            LevenbergMarquardt::new().tolerances(settings.tolerances),
+            settings,
+        ),
+        Method::GaussNewton => run_with(
+            problem,
+            start,
+            GaussNewton::new().tolerances(settings.tolerances),
+            settings,
+        ),
+    }
+}
+
+fn run_with<O: LeastSquares, S>(
+    problem: &O,
+    start: O::Point,
+    solver: S,
+    settings: &Settings,
+) -> Result<Outcome<O::Point>, Error>
+where
+    S: Explains,
+    S: for<'p> Solver<&'p O, SolverState<O::Point>>,
+{
+    let structure = problem.structure();
+    if structure.rows == 0 {
+        return Err(Error::NoRows);
+    }
+    let mut residual = vec![0.0; structure.rows];
+    let initial_cost = problem.residual(&start, &mut residual);
+    let limit = settings.tolerances.max_iterations;
+    let solver = Interruptible {
+        solver,
+        flag: settings.interrupt.clone(),
+    };
+    let mut executor = Executor::new(problem, solver)
+        .configure(|state: SolverState<O::Point>| state.param(start).max_iters(limit))
+        .ctrlc(false)
+        .timer(false);
+    if let Some(timeout) = settings.timeout {
+        executor = executor.timeout(timeout);
+    }
+    if let Some(progress) = &settings.progress {
+        executor = executor.add_observer(Tell(progress.clone()), ObserverMode::Always);
+    }
+    let result = executor
+        .run()
+        .map_err(|error| match error.downcast::<Error>() {
+            Ok(own) => own,
+            Err(other) => Error::Executor(other.to_string()),
+        })?;
+    let state = result.state;
+    let solver = result.solver.solver;
+    let termination = solver
+        .termination()
+        .unwrap_or_else(|| match &state.termination_status {
+            TerminationStatus::Terminated(TerminationReason::Timeout) => Termination::Timeout {
+                seconds: settings.timeout.unwrap_or_default().as_secs_f64(),
+            },
+            TerminationStatus::Terminated(TerminationReason::Interrupt) => Termination::Interrupted,
+            _ => Termination::MaxIterations { limit },
+        });
+    let cost = state.get_best_cost();
+    let iterations = state.get_iter();
+    match state.best_param.or(state.param) {
+        Some(point) => Ok(Outcome {
+            point,
+            cost,
+            initial_cost,
+            iterations,
+            evaluations: solver.evaluations(),
+            termination,
+        }),
+        None => Err(Error::Executor("it returned no point".into())),
+    }
+}
+
+/// Solves a [`Problem`] from its starting values.
+///
+/// # Errors
+/// If there is no usable point: no rows, nothing free, a residual that is not finite at the start.
+/// Not converging is a [`Termination`] of the [`Solution`].
+pub fn solve(problem: &Problem, settings: &Settings) -> Result<Solution, Error> {
+    solve_from(problem, problem.initial(), settings)
+}
+
+/// Solves a [`Problem`] from other values than its own starting ones.
+///
+/// # Errors
+/// As [`solve`].
+pub fn solve_from(
+    problem: &Problem,
+    start: &Values,
+    settings: &Settings,
+) -> Result<Solution, Error> {
+    let outcome = run(problem, start.clone(), settings)?;
+    let blocks = problem
+        .blocks()
+        .enumerate()
+        .map(|(i, block)| {
+            let rms = |x: &Values| {
+                let r = problem.raw_residual(i, x);
+                (r.iter().map(|r| r * r).sum::<f64>() / r.len().max(1) as f64).sqrt()
+            };
+            BlockReport {
+                name: block.name().to_owned(),
+                count: block.len(),
+                rows: block.len() * block.dim(),
+                initial_rms: rms(start),
+                rms: rms(&outcome.point),
+            }
+        })
+        .collect();
+    Ok(Solution {
+        values: outcome.point,
+        termination: outcome.termination,
+        cost: outcome.cost,
+        initial_cost: outcome.initial_cost,
+        iterations: outcome.iterations,
+        evaluations: outcome.evaluations,
+        blocks,
+    })
+}

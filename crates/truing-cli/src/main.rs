@@ -1,1 +1,81 @@
-fn main() {}
+//! The program `truing`: arguments, files, printing; no mathematics.
+
+mod args;
+mod calibrate;
+mod failure;
+mod output;
+mod show;
+
+use args::{Arguments, Command};
+use clap::Parser;
+use failure::Failure;
+use std::io::Write;
+use std::process::ExitCode;
+
+/// How a command ended that ran to its end.
+pub enum Ending {
+    /// Converged: exit status 0.
+    Good,
+    /// Did not converge or must not be trusted: exit status 1.
+    Untrusted,
+}
+
+/// Where output goes: data to standard output, words to standard output or, beside JSON, to standard error.
+pub struct Streams {
+    json: bool,
+}
+
+impl Streams {
+    /// Words for people.
+    pub fn say(&self, text: &str) {
+        // A reader that hung up (`truing … | head`) is no failure.
+        let _ = if self.json {
+            std::io::stderr().write_all(text.as_bytes())
+        } else {
+            std::io::stdout().write_all(text.as_bytes())
+        };
+    }
+
+    /// Data for machines.
+    pub fn print(&self, text: &str) {
+        let _ = std::io::stdout().write_all(text.as_bytes());
+    }
+}
+
+fn main() -> ExitCode {
+    let arguments = Arguments::parse();
+    let level = match arguments.verbose {
+        0 => tracing::Level::WARN,
+        1 => tracing::Level::INFO,
+        _ => tracing::Level::DEBUG,
+    };
+    tracing_subscriber::fmt()
+        .with_max_level(level)
+        .with_writer(std::io::stderr)
+        .with_target(false)
+        .without_time()
+        .init();
+    let streams = Streams {
+        json: arguments.json,
+    };
+    let ending = match &arguments.command {
+        Command::Calibrate(arguments) => calibrate::run(arguments, &streams),
+        Command::Simulate(_) => unreachable!(),
+    };
+    match ending {
+        Ok(Ending::Good) => ExitCode::SUCCESS,
+        Ok(Ending::Untrusted) => ExitCode::from(1),
+        Err(failure) => {
+            report(failure, &streams);
+            ExitCode::from(2)
+        }
+    }
+}
+
+fn report(failure: Failure, streams: &Streams) {
+    if streams.json {
+        let error = serde_json::json!({ "error": { "message": failure.message(), "help": failure.advice() } });
+        streams.print(&format!("{error}\n"));
+    }
+    eprintln!("{:?}", miette::Report::new(failure));
+}

@@ -157,3 +157,57 @@ pub fn small<const IN: usize, const OUT: usize>(
     }
     (out.map(value), jacobian)
 }
+
+/// r and J of any constraint by central differences in the tangent space, step ε^⅓: slow and good
+/// to about ten digits, the reference that shares no code with automatic differentiation.
+pub fn central_differences<C: Constraint>(
+    constraint: &C,
+    at: &mut Point<'_, C::Vars>,
+    r: &mut [f64],
+    j: &mut Jacobian<'_>,
+) {
+    #[derive(Default)]
+    struct Numbers {
+        ambient: Vec<f64>,
+        delta: Vec<f64>,
+        sides: [Vec<f64>; 2],
+    }
+    let x = at.x;
+    let dims = C::Vars::tangent_dims(x);
+    constraint.residual(C::Vars::views(x), r);
+    let Numbers {
+        ambient,
+        delta,
+        sides,
+    } = at.memory();
+    ambient.resize(x.iter().map(|x| x.len()).sum(), 0.0);
+    delta.clear();
+    delta.resize(dims.iter().sum(), 0.0);
+    let h = f64::EPSILON.cbrt();
+    let mut first = 0;
+    for (variable, dim) in dims.iter().enumerate().take(C::Vars::COUNT) {
+        for column in 0..*dim {
+            for (side, step) in sides.iter_mut().zip([h, -h]) {
+                side.resize(C::DIM, 0.0);
+                delta[first + column] = step;
+                C::Vars::plus(x, delta, ambient);
+                let mut views: [&[f64]; MAX_VARS] = [&[]; MAX_VARS];
+                let mut rest: &[f64] = ambient;
+                for i in 0..C::Vars::COUNT {
+                    (views[i], rest) = rest.split_at(x[i].len());
+                }
+                constraint.residual(C::Vars::views(views), side);
+            }
+            delta[first + column] = 0.0;
+            for ((o, plus), minus) in j
+                .column_mut(variable, column)
+                .iter_mut()
+                .zip(&sides[0])
+                .zip(&sides[1])
+            {
+                *o = (plus - minus) / (2.0 * h);
+            }
+        }
+        first += dim;
+    }
+}

@@ -7,7 +7,7 @@ use crate::variable::{MAX_VARS, Vars};
 /// The typed views of a constraint's variables.
 pub type Views<'a, C, T> = <<C as Constraint>::Vars as Vars>::Views<'a, T>;
 
-/// One measurement that constrains up to four variables: it supplies residual rows r(x).
+/// One measurement that constrains up to five variables: it supplies residual rows r(x).
 ///
 /// Write [`residual`](Self::residual) once, over any [`Scalar`]; the Jacobian comes from automatic
 /// differentiation unless [`linearize`](Self::linearize) is overridden by a hand-written one.

@@ -111,6 +111,11 @@ pub trait LeastSquares {
     fn plus(&self, x: &Self::Point, delta: &[f64]) -> Self::Point;
     /// A measure of the size of x, to which the size of a step is compared.
     fn norm(&self, x: &Self::Point) -> f64;
+    /// The size of what each column moves, to whose last bits the residual is compared: a number
+    /// for every column, [`norm`](Self::norm) by default.
+    fn sizes(&self, x: &Self::Point) -> Vec<f64> {
+        vec![self.norm(x); self.structure().cols()]
+    }
     /// Columns that are estimated, ascending. All by default.
     fn free(&self) -> Vec<usize> {
         (0..self.structure().cols()).collect()
@@ -154,6 +159,9 @@ impl<P: LeastSquares + ?Sized> LeastSquares for &P {
     fn norm(&self, x: &Self::Point) -> f64 {
         (**self).norm(x)
     }
+    fn sizes(&self, x: &Self::Point) -> Vec<f64> {
+        (**self).sizes(x)
+    }
     fn free(&self) -> Vec<usize> {
         (**self).free()
     }
@@ -184,6 +192,17 @@ pub fn check_finite<P: LeastSquares>(
         return Err(Error::NotFinite {
             row: problem.describe_row(row),
             value: lin.residual[row],
+        });
+    }
+    if !lin.cost.is_finite() {
+        let largest = |a: &usize, b: &usize| {
+            let [a, b] = [a, b].map(|row| lin.residual[*row].abs());
+            a.total_cmp(&b)
+        };
+        let row = (0..lin.residual.len()).max_by(largest).unwrap_or(0);
+        return Err(Error::NotFinite {
+            row: format!("{} squared", problem.describe_row(row)),
+            value: lin.cost,
         });
     }
     for &column in free {

@@ -334,6 +334,22 @@ impl LeastSquares for Problem {
         x.data.iter().map(|x| x * x).sum::<f64>().sqrt()
     }
 
+    /// Where a variable has a column for each of its numbers, their absolute values; elsewhere the
+    /// largest of the variable.
+    fn sizes(&self, x: &Values) -> Vec<f64> {
+        let mut sizes = Vec::with_capacity(self.columns);
+        for variable in &self.variables {
+            let numbers = x.data[variable.ambient.clone()].iter().map(|x| x.abs());
+            if variable.ambient.len() == variable.tangent.len() {
+                sizes.extend(numbers);
+            } else {
+                let largest = numbers.fold(0.0, f64::max);
+                sizes.extend(variable.tangent.clone().map(|_| largest));
+            }
+        }
+        sizes
+    }
+
     fn free(&self) -> Vec<usize> {
         (0..self.columns).filter(|c| !self.fixed[*c]).collect()
     }
@@ -399,7 +415,8 @@ impl LeastSquares for Problem {
         );
         let moved = self.moved(x);
         for (column, ((lower, upper), value)) in self.bounds.iter().zip(moved).enumerate() {
-            if !self.fixed[column] && !(*lower <= value && value <= *upper) {
+            let bounded = lower.is_finite() || upper.is_finite() || lower >= upper;
+            if !self.fixed[column] && bounded && !(*lower <= value && value <= *upper) {
                 return Err(Error::Bounds {
                     column: self.describe_column(column),
                     lower: *lower,

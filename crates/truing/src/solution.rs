@@ -6,11 +6,11 @@ use crate::variable::Values;
 /// The outcome of a solve.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Solution {
-    /// The best point.
+    /// The point of convergence, or the best one if there was none.
     pub values: Values,
     /// Why the solver stopped.
     pub termination: Termination,
-    /// ½Σρ at the best point.
+    /// ½Σρ at that point.
     pub cost: f64,
     /// ½Σρ at the start.
     pub initial_cost: f64,

@@ -142,9 +142,9 @@ pub(crate) struct VariableSlot {
 }
 
 /// Most variables one constraint can have.
-pub const MAX_VARS: usize = 4;
+pub const MAX_VARS: usize = 5;
 
-/// A tuple of one to four variables, e.g. `(Vector, Plane3)`.
+/// A tuple of one to five variables, e.g. `(Vector, Plane3)`.
 ///
 /// Implemented for tuples; not meant to be implemented elsewhere.
 pub trait Vars: 'static {
@@ -208,3 +208,4 @@ impl_vars!(1; A 0);
 impl_vars!(2; A 0, B 1);
 impl_vars!(3; A 0, B 1, C 2);
 impl_vars!(4; A 0, B 1, C 2, D 3);
+impl_vars!(5; A 0, B 1, C 2, D 3, E 4);

@@ -46,6 +46,13 @@ impl Current {
         self.bounds = problem.step_bounds(x);
     }
 
+    /// Whether a step can be taken from here, or none is needed: the cost is finite, and so are the
+    /// free columns unless the cost is zero.
+    pub fn usable(&self) -> bool {
+        let finite = |column: &usize| self.lin.column(*column).all(|(_, j)| j.is_finite());
+        self.lin.cost == 0.0 || (self.lin.cost.is_finite() && self.free.iter().all(finite))
+    }
+
     /// Updates the column scales to the largest norms seen, factors, and looks whether this is it:
     /// the gradient is zero, or the residual is.
     pub fn look<O: LeastSquares>(
@@ -58,10 +65,11 @@ impl Current {
     ) -> Option<Termination> {
         scale.resize(self.free.len(), 0.0);
         let norm = self.lin.residual.iter().map(|r| r * r).sum::<f64>().sqrt();
+        let sizes = problem.sizes(x);
         let (mut cosine, mut longest) = (0.0_f64, 0.0_f64);
         for (scale, column) in scale.iter_mut().zip(&self.free) {
             let length = self.lin.column_norm(*column);
-            longest = longest.max(length);
+            longest = longest.max(length * sizes[*column]);
             *scale = scale.max(length);
             let gradient = self.lin.gradient(*column);
             let held = self.bounds.as_ref().is_some_and(|b| {
@@ -77,7 +85,7 @@ impl Current {
             .map(|s| if *s > 0.0 { *s } else { 1.0 })
             .collect();
         step.factor(&self.lin, &self.free, &positive);
-        let rounding = 8.0 * f64::EPSILON * longest * problem.norm(x);
+        let rounding = 8.0 * f64::EPSILON * longest;
         if norm <= rounding {
             return Some(Termination::Residual {
                 value: norm,

@@ -148,12 +148,7 @@ where
             Ok((trial, p.norm(&x)))
         })?;
         self.evaluations.jacobian += 1;
-        let finite = current.lin.cost.is_finite()
-            && current
-                .free
-                .iter()
-                .all(|column| current.lin.column(*column).all(|(_, j)| j.is_finite()));
-        if !finite {
+        if !current.usable() {
             self.termination = Some(Termination::Diverged { iteration });
             return Ok((state.param(x).cost(cost), None));
         }

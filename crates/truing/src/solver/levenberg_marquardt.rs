@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 ///
 /// One iteration is one trial step. The gain ratio, actual over predicted decrease, is that of the
 /// undamped model over the free columns under bounds and losses, so it tends to one at every
-/// regular minimum. A trial whose cost is not finite is a rejected step.
+/// regular minimum. A trial whose cost or Jacobian is not finite is a rejected step.
 ///
 /// # Requirements
 /// The problem implements [`LeastSquares`]; argmin's executor drives it
@@ -45,6 +45,9 @@ const MIN_LAMBDA: f64 = 1e-20;
 const MAX_LAMBDA: f64 = 1e24;
 /// A relative decrease below which the difference of two costs is rounding.
 const ROUNDING: f64 = 1e-12;
+/// The damping of a step that stands for the undamped one: a column that depends on others but for
+/// rounding, ε of its length, promises ε² / λ = ε of the cost with it, and without it anything.
+const UNDAMPED: f64 = f64::EPSILON;
 
 impl LevenbergMarquardt {
     /// With the default tolerances and dense QR.
@@ -88,22 +91,27 @@ impl<S: StepSolver> LevenbergMarquardt<S> {
         self
     }
 
-    /// Whether even the undamped step promises nothing or is down to rounding: a rejected trial is
-    /// then the end of the road and not a lack of damping.
+    /// Whether nothing is left to be gained, seen from a trial that gained nothing: the undamped
+    /// step promises rounding only or is down to it; or, where J is singular and the undamped step
+    /// promises what curvature forbids, the damped one promises less than the tolerance. There the
+    /// damping counts up to the length of the columns: beyond, any step is small.
     fn exhausted(&mut self, current: &Current, size: f64) -> Option<Termination> {
-        let step = self.step.step(MIN_LAMBDA, current.bounds.as_ref()).ok()?;
-        let promised = step.predicted / current.lin.cost.max(f64::MIN_POSITIVE);
-        let tolerance = self.tolerances.cost.max(ROUNDING);
-        if promised <= tolerance {
-            return Some(Termination::Cost {
-                value: promised,
-                tolerance,
-            });
-        }
-        let relative = step.length() / (size + self.tolerances.step);
-        (relative <= self.tolerances.step).then_some(Termination::Step {
-            value: relative,
-            tolerance: self.tolerances.step,
+        let cost = current.lin.cost.max(f64::MIN_POSITIVE);
+        let mut promises = [
+            (UNDAMPED, self.tolerances.cost.max(ROUNDING)),
+            (self.lambda.min(1.0), self.tolerances.cost),
+        ]
+        .into_iter();
+        promises.find_map(|(lambda, tolerance)| {
+            let step = self.step.step(lambda, current.bounds.as_ref()).ok()?;
+            let value = step.predicted / cost;
+            if value <= tolerance {
+                return Some(Termination::Cost { value, tolerance });
+            }
+            let value = step.length() / (size + self.tolerances.step);
+            let tolerance = self.tolerances.step;
+            (lambda == UNDAMPED && value <= tolerance)
+                .then_some(Termination::Step { value, tolerance })
         })
     }
 }
@@ -187,7 +195,21 @@ where
         let gain = decrease / step.predicted;
         let relative = step.length() / (size + self.tolerances.step);
         let metrics = kv!("lambda" => self.lambda; "gain" => gain; "step" => relative;);
-        if trial_cost.is_finite() && decrease >= 0.0 && gain > 1e-4 {
+        let mut accepted = trial_cost.is_finite() && decrease >= 0.0 && gain > 1e-4;
+        if accepted {
+            accepted = problem.problem("linearize_count", |p| {
+                current.linearize(p, &trial);
+                self.evaluations.jacobian += 1;
+                if current.usable() {
+                    return Ok(true);
+                }
+                // The residual is finite there but a derivative is not: no step would lead on.
+                current.linearize(p, &x);
+                self.evaluations.jacobian += 1;
+                Ok(false)
+            })?;
+        }
+        if accepted {
             let shrink = if gain > 0.9 {
                 0.1
             } else {
@@ -195,18 +217,14 @@ where
             };
             self.lambda = (self.lambda * shrink).max(MIN_LAMBDA);
             self.raise = 2.0;
-            self.termination = problem.problem("linearize_count", |p| {
-                current.linearize(p, &trial);
+            self.termination = problem.problem("describe_count", |p| {
                 Ok(current.look(p, &trial, &mut self.scale, &mut self.step, &self.tolerances))
             })?;
-            self.evaluations.jacobian += 1;
+            // A small step may be the damping's doing: only the undamped one can tell.
             let promised = step.predicted / cost;
-            if self.termination.is_none() && promised.max(decrease / cost) <= self.tolerances.cost {
-                self.termination = Some(Termination::Cost {
-                    value: promised,
-                    tolerance: self.tolerances.cost,
-                });
-            } else if self.termination.is_none() && relative <= self.tolerances.step {
+            let small = promised.max(decrease / cost) <= self.tolerances.cost
+                || relative <= self.tolerances.step;
+            if self.termination.is_none() && small {
                 self.termination = self.exhausted(&current, size);
             }
             let cost = current.lin.cost;

@@ -130,10 +130,10 @@ where
     }
 }
 
-/// What [`run`] returns: the best point, its cost, the cost at the start, iterations and how it ended.
+/// What [`run`] returns: the point, its cost, the cost at the start, iterations and how it ended.
 #[derive(Debug, Clone)]
 pub struct Outcome<P> {
-    /// The best point.
+    /// The point of convergence, or the best one if there was none.
     pub point: P,
     /// Its cost ½Σρ.
     pub cost: f64,
@@ -220,9 +220,15 @@ where
             TerminationStatus::Terminated(TerminationReason::Interrupt) => Termination::Interrupted,
             _ => Termination::MaxIterations { limit },
         });
-    let cost = state.get_best_cost();
     let iterations = state.get_iter();
-    match state.best_param.or(state.param) {
+    // A termination that says "converged" is about the last point; Gauss–Newton may have passed
+    // through one of lower cost that is no minimum.
+    let (cost, point) = if termination.converged() {
+        (state.cost, state.param)
+    } else {
+        (state.best_cost, state.best_param.or(state.param))
+    };
+    match point {
         Some(point) => Ok(Outcome {
             point,
             cost,

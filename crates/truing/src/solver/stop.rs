@@ -41,7 +41,7 @@ pub enum Termination {
     Residual {
         /// ‖r‖.
         value: f64,
-        /// The threshold: 8 ε ‖x‖ times the longest column of J.
+        /// The threshold: 8 ε times the longest column of J, each times the size of what it moves.
         tolerance: f64,
     },
     /// The cost does not decrease any more.
@@ -86,7 +86,7 @@ pub enum Termination {
         /// What would have sufficed.
         threshold: f64,
     },
-    /// A Gauss–Newton step led to a point where the residual is not finite.
+    /// A Gauss–Newton step led to a point where the residual or a derivative is not finite.
     Diverged {
         /// The iteration.
         iteration: u64,
@@ -176,7 +176,7 @@ impl std::fmt::Display for Termination {
             ),
             Self::Diverged { iteration } => write!(
                 f,
-                "not converged: the step of iteration {iteration} led where the residual is not finite; \
+                "not converged: the step of iteration {iteration} led where the residual or a derivative is not finite; \
                  start closer, or use Levenberg–Marquardt"
             ),
         }

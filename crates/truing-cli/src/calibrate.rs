@@ -1,0 +1,114 @@
+//! `truing calibrate`.
+
+use crate::args::Calibrate;
+use crate::failure::{Failure, Files};
+use crate::{Ending, Streams, output, show};
+use indicatif::{ProgressBar, ProgressStyle};
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+use truing::solver::Progress;
+use truing_robot::calibration::{Calibration, Outcome, load};
+use truing_robot::file::CalibrationFile;
+
+/// Runs a calibration file.
+pub fn run(arguments: &Calibrate, streams: &Streams) -> Result<Ending, Failure> {
+    if let Some(folder) = &arguments.output {
+        output::check(folder, arguments.force)?;
+    }
+    let file = CalibrationFile::read(&arguments.file)?;
+    let mut calibration = load(&file)?;
+    tracing::info!(
+        "{} robots, {} sets of measurements, {} measurements",
+        calibration.arms.len(),
+        calibration.sets.len(),
+        calibration.sets.iter().map(|set| set.len()).sum::<usize>()
+    );
+    let outcome = solve(&mut calibration, arguments)?;
+    streams.say(&show::result(&outcome.result));
+    let result = serde_json::to_string_pretty(&outcome.result).map_err(|e| {
+        Failure::new(
+            format!("cannot write the result as JSON: {e}"),
+            "report this with the calibration file",
+        )
+    })?;
+    if streams.json {
+        streams.print(&(result.clone() + "\n"));
+    }
+    if let Some(folder) = &arguments.output {
+        if outcome.result.trusted || arguments.keep_untrusted {
+            let written = output::write(folder, &files(&outcome, &arguments.file, result + "\n"))?;
+            for path in written {
+                streams.say(&format!("wrote {}\n", path.display()));
+            }
+        } else {
+            streams.say(&format!(
+                "nothing written to {}: the result must not be trusted; write it all the same with --keep-untrusted\n",
+                folder.display()
+            ));
+        }
+    }
+    Ok(if outcome.result.trusted {
+        Ending::Good
+    } else {
+        Ending::Untrusted
+    })
+}
+
+fn solve(calibration: &mut Calibration, arguments: &Calibrate) -> Result<Outcome, Failure> {
+    let bar = ProgressBar::new_spinner();
+    if let Ok(style) = ProgressStyle::with_template("{spinner} {msg} ({elapsed})") {
+        bar.set_style(style);
+    }
+    bar.enable_steady_tick(Duration::from_millis(120));
+    let interrupt = Arc::new(AtomicBool::new(false));
+    let flag = interrupt.clone();
+    let handler = move || {
+        // A second Ctrl-C does not wait for the iteration under way.
+        if flag.swap(true, Ordering::SeqCst) {
+            std::process::exit(130);
+        }
+    };
+    if let Err(error) = ctrlc::set_handler(handler) {
+        tracing::warn!("Ctrl-C will not keep the best point so far: {error}");
+    }
+    let settings = &mut calibration.estimate.settings;
+    settings.interrupt = Some(interrupt);
+    settings.timeout = arguments.timeout.map(Duration::from_secs);
+    let told = bar.clone();
+    settings.progress = Some(Arc::new(move |p: Progress| {
+        told.set_message(format!(
+            "estimating: iteration {}, cost {:.6e}",
+            p.iteration, p.cost
+        ));
+    }));
+    let outcome = calibration.run(&|stage| {
+        tracing::info!("{}", stage.describe());
+        bar.set_message(stage.describe());
+    });
+    bar.finish_and_clear();
+    Ok(outcome?)
+}
+
+fn files(outcome: &Outcome, source: &std::path::Path, result: String) -> Files {
+    let mut files = vec![(PathBuf::from("result.json"), result)];
+    for (name, robot) in &outcome.robots {
+        let path = if name.is_empty() {
+            "robot.toml".to_owned()
+        } else {
+            format!("robot-{name}.toml")
+        };
+        let header = format!(
+            "Calibrated by truing {} from {}: {}.",
+            env!("CARGO_PKG_VERSION"),
+            source.file_name().map_or_else(
+                || source.display().to_string(),
+                |n| n.to_string_lossy().into_owned()
+            ),
+            outcome.result.termination.message
+        );
+        files.push((PathBuf::from(path), robot.to_toml(&header)));
+    }
+    files
+}

@@ -1,0 +1,258 @@
+//! Results as people read them.
+
+use comfy_table::{CellAlignment, ContentArrangement, Table, presets};
+use std::fmt::Write;
+use truing_robot::calibration::{
+    CalibrationResult, ErrorSummary, ParameterResult, SetResult, Status,
+};
+
+/// A number with about five significant digits, small ones in scientific notation.
+fn number(x: f64) -> String {
+    let size = x.abs();
+    if x == 0.0 {
+        "0".into()
+    } else if size < 1e-4 {
+        format!("{x:.1e}")
+    } else if size < 100.0 {
+        format!("{x:.4}")
+    } else {
+        format!("{x:.2}")
+    }
+}
+
+fn table(header: &[&str], left: &[usize]) -> Table {
+    let mut table = Table::new();
+    table
+        .load_preset(presets::NOTHING)
+        .set_content_arrangement(ContentArrangement::Disabled);
+    table.set_header(header.iter().copied());
+    for (k, column) in table.column_iter_mut().enumerate() {
+        let alignment = if left.contains(&k) {
+            CellAlignment::Left
+        } else {
+            CellAlignment::Right
+        };
+        column.set_cell_alignment(alignment);
+        column.set_padding((if k == 0 { 2 } else { 1 }, 1));
+    }
+    table
+}
+
+fn lines(table: &Table) -> String {
+    table
+        .lines()
+        .map(|line| line.trim_end().to_owned() + "\n")
+        .collect()
+}
+
+fn error_rows(table: &mut Table, set: &SetResult, held_out: bool) {
+    let cell = |e: &Option<ErrorSummary>, f: fn(&ErrorSummary) -> f64| {
+        e.as_ref()
+            .map_or_else(|| "–".into(), |e| number(f(e) * 1e3))
+    };
+    let name = if held_out {
+        format!("{} (not used)", set.name)
+    } else {
+        set.name.clone()
+    };
+    for (k, (label, f)) in [
+        ("rms", (|e| e.rms) as fn(&ErrorSummary) -> f64),
+        ("max", |e| e.max),
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        let (name, kind, count) = if k == 0 {
+            (name.clone(), set.kind.clone(), set.count.to_string())
+        } else {
+            Default::default()
+        };
+        table.add_row([
+            name,
+            kind,
+            count,
+            label.to_owned(),
+            cell(&set.before, f),
+            cell(&set.registered, f),
+            cell(&set.after, f),
+        ]);
+    }
+    let rotation = |e: &Option<ErrorSummary>| {
+        e.as_ref()
+            .and_then(|e| e.rotation.as_ref())
+            .map_or_else(|| "–".into(), |r| number(r.rms * 1e3))
+    };
+    if set.after.as_ref().is_some_and(|e| e.rotation.is_some()) {
+        table.add_row([
+            String::new(),
+            String::new(),
+            String::new(),
+            "mrad".into(),
+            rotation(&set.before),
+            rotation(&set.registered),
+            rotation(&set.after),
+        ]);
+    }
+}
+
+/// Value, factor and unit for people: millimetres and degrees.
+fn people(p: &ParameterResult) -> (f64, &'static str) {
+    match p.unit {
+        "m" => (1e3, "mm"),
+        "rad" => (1.0_f64.to_degrees(), "deg"),
+        _ => (1.0, ""),
+    }
+}
+
+fn parameter_rows(table: &mut Table, p: &ParameterResult) {
+    let (factor, unit) = people(p);
+    let status = match (&p.status, p.at_bound) {
+        (Status::Estimated, Some(side)) => format!("estimated, at its {side} bound"),
+        (Status::Regrouped, _) => {
+            let into: Vec<String> = p
+                .into
+                .iter()
+                .flatten()
+                .map(|(name, c)| format!("{} {name}", signed(*c)))
+                .collect();
+            let more = if into.len() > 3 { " …" } else { "" };
+            format!(
+                "regrouped: {}{more}",
+                into.iter().take(3).cloned().collect::<Vec<_>>().join(" ")
+            )
+        }
+        (status, _) => status.name().to_owned(),
+    };
+    let estimated = p.status == Status::Estimated;
+    table.add_row([
+        p.name.clone(),
+        number(p.nominal * factor),
+        if estimated {
+            number(p.estimate * factor)
+        } else {
+            "–".into()
+        },
+        if estimated {
+            number((p.estimate - p.nominal) * factor)
+        } else {
+            "–".into()
+        },
+        p.sigma.map_or_else(|| "–".into(), |s| number(s * factor)),
+        unit.to_owned(),
+        status,
+    ]);
+}
+
+fn signed(c: f64) -> String {
+    format!("{}{}", if c < 0.0 { "−" } else { "+" }, number(c.abs()))
+}
+
+/// The whole result as text.
+pub fn result(result: &CalibrationResult) -> String {
+    let mut out = String::new();
+    out.push_str("Errors [mm]\n");
+    let mut errors = table(
+        &[
+            "constraint",
+            "kind",
+            "count",
+            "",
+            "before",
+            "registered",
+            "calibrated",
+        ],
+        &[0, 1, 3],
+    );
+    for set in &result.constraints {
+        error_rows(&mut errors, set, false);
+    }
+    for set in &result.validation {
+        error_rows(&mut errors, set, true);
+    }
+    out.push_str(&lines(&errors));
+    out.push_str(
+        "  before: the nominal robot as given; registered: the nominal robot, only frames, base, tool points, planes\n  \
+         and points estimated: what improvements are to be compared with.\n\n",
+    );
+    out.push_str("Parameters\n");
+    let mut parameters = table(
+        &["name", "nominal", "estimate", "change", "σ", "", "status"],
+        &[0, 5, 6],
+    );
+    for p in &result.parameters {
+        parameter_rows(&mut parameters, p);
+    }
+    out.push_str(&lines(&parameters));
+    for frame in &result.frames {
+        let [x, y, z] = frame.position;
+        let [w, a, b, c] = frame.quaternion;
+        let _ = writeln!(
+            out,
+            "  frame {}: position ({x:.6}, {y:.6}, {z:.6}) m, quaternion (w, x, y, z) ({w:.6}, {a:.6}, {b:.6}, {c:.6})",
+            frame.name
+        );
+    }
+    for target in &result.targets {
+        let [x, y, z] = target.position.map(|x| number(x * 1e3));
+        let of = if target.robot.is_empty() {
+            String::new()
+        } else {
+            format!(" of {}", target.robot)
+        };
+        let _ = writeln!(
+            out,
+            "  tool point {}{of}: ({x}, {y}, {z}) mm in the tool frame",
+            target.name
+        );
+    }
+    for plane in &result.planes {
+        let [x, y, z] = plane.normal;
+        let _ = writeln!(
+            out,
+            "  plane {}[{}]: normal ({x:.6}, {y:.6}, {z:.6}), distance {:.6} m, rms {} mm over {} touches",
+            plane.constraint,
+            plane.group,
+            plane.distance,
+            number(plane.rms * 1e3),
+            plane.count
+        );
+    }
+    for point in &result.points {
+        let [x, y, z] = point.position;
+        let _ = writeln!(
+            out,
+            "  point {}[{}]: ({x:.6}, {y:.6}, {z:.6}) m, rms {} mm over {} visits",
+            point.constraint,
+            point.group,
+            number(point.rms * 1e3),
+            point.count
+        );
+    }
+    for (name, distance) in &result.distances {
+        let _ = writeln!(out, "  distance {name}: {} mm", number(distance * 1e3));
+    }
+    let estimated = result
+        .parameters
+        .iter()
+        .filter(|p| p.status == Status::Estimated)
+        .count();
+    let _ = writeln!(
+        out,
+        "\n{} degrees of freedom estimated ({estimated} of {} robot parameters); condition number {}; σ₀ {}",
+        result.identifiable,
+        result.parameters.len(),
+        result
+            .condition
+            .map_or_else(|| "–".into(), |c| format!("{c:.3e}")),
+        result.sigma0.map_or_else(|| "–".into(), number),
+    );
+    let _ = writeln!(
+        out,
+        "{} after {} iterations, cost {:.6e} → {:.6e}",
+        result.termination.message, result.iterations, result.initial_cost, result.cost
+    );
+    for warning in &result.warnings {
+        let _ = writeln!(out, "warning: {warning}");
+    }
+    out
+}

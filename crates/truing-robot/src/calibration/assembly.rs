@@ -1,0 +1,444 @@
+//! From sets of measurements to a [`Problem`], and back from its values to planes, points and frames.
+
+use super::measurement::{Arm, Measured, MeasurementSet};
+use crate::constraint::{
+    Chain, Derivatives, Distance, KnownPlane, MeasuredPose, Position, PostureDistance, SamePoint,
+    UnknownPlane,
+};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use truing::manifold::{Plane, Plane3, Point3, Pose, Pose3, Vector};
+use truing::nalgebra::Vector3;
+use truing::{Batch, Error, Noise, Problem, Values, Var};
+
+/// Values of everything a calibration knows.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct State {
+    /// Parameters of every robot.
+    pub robots: Vec<Vec<f64>>,
+    /// Sensor frames by name: their poses in the reference frame.
+    pub frames: BTreeMap<String, Pose<f64>>,
+    /// Tool points by robot and name, in the tool frame [m].
+    pub targets: BTreeMap<(usize, String), Vector3<f64>>,
+    /// Planes of every set, by group.
+    pub planes: Vec<Vec<Plane<f64>>>,
+    /// Points of every set, by group [m].
+    pub points: Vec<Vec<Vector3<f64>>>,
+    /// Distances of every set [m]; zero for kinds that have none.
+    pub distances: Vec<f64>,
+}
+
+impl State {
+    /// The tool point of a set: its target, or the tool origin.
+    pub fn target(&self, set: &MeasurementSet) -> Vector3<f64> {
+        match &set.target {
+            Some(name) => self
+                .targets
+                .get(&(set.robot, name.clone()))
+                .copied()
+                .unwrap_or_default(),
+            None => Vector3::zeros(),
+        }
+    }
+
+    /// The sensor pose of a set: its frame, or the reference frame.
+    pub fn sensor(&self, set: &MeasurementSet) -> Pose<f64> {
+        set.frame
+            .as_ref()
+            .and_then(|name| self.frames.get(name))
+            .copied()
+            .unwrap_or_else(Pose::identity)
+    }
+}
+
+/// Whose column of the Jacobian it is.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Owner {
+    /// Parameter of a robot.
+    Parameter {
+        /// The robot.
+        robot: usize,
+        /// The parameter.
+        parameter: usize,
+    },
+    /// Component of a sensor frame.
+    Frame(String),
+    /// Component of a tool point.
+    Target(usize, String),
+    /// Component of a plane: set, group.
+    Plane(usize, usize),
+    /// Component of a point: set, group.
+    Point(usize, usize),
+    /// Distance of a set.
+    Distance(usize),
+    /// Never estimated: the reference frame, the tool origin, a known distance.
+    Constant,
+}
+
+/// A column of the Jacobian.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Column {
+    /// Whose it is.
+    pub owner: Owner,
+    /// Name, e.g. `left.theta3`, `tracker.x`, `wall.distance`.
+    pub name: String,
+}
+
+/// A problem made of sets of measurements, with the handles to read its solution.
+pub struct Assembly {
+    /// The problem. Block k holds set k.
+    pub problem: Problem,
+    /// Every column.
+    pub columns: Vec<Column>,
+    robots: Vec<Var<Vector>>,
+    frames: BTreeMap<String, Var<Pose3>>,
+    targets: BTreeMap<(usize, String), Var<Point3>>,
+    planes: Vec<Vec<Var<Plane3>>>,
+    points: Vec<Vec<Var<Point3>>>,
+    distances: Vec<Option<Var<Vector>>>,
+}
+
+impl Assembly {
+    /// Assembles sets at a state. Columns depend on the robots and the names in the sets only, not
+    /// on how many rows there are.
+    ///
+    /// # Errors
+    /// If a standard deviation is not positive and finite.
+    pub fn new(
+        arms: &[Arm],
+        sets: &[MeasurementSet],
+        state: &State,
+        derivatives: &Derivatives,
+    ) -> Result<Self, Error> {
+        let chains: Vec<Arc<Chain>> = arms
+            .iter()
+            .map(|arm| Chain::with(arm.robot.clone(), derivatives.clone()))
+            .collect();
+        let mut a = Self {
+            problem: Problem::new(),
+            columns: Vec::new(),
+            robots: Vec::new(),
+            frames: BTreeMap::new(),
+            targets: BTreeMap::new(),
+            planes: Vec::new(),
+            points: Vec::new(),
+            distances: Vec::new(),
+        };
+        for (robot, arm) in arms.iter().enumerate() {
+            let name = if arm.name.is_empty() {
+                arm.robot.name()
+            } else {
+                &arm.name
+            };
+            a.robots
+                .push(a.problem.add_variable::<Vector>(name, &state.robots[robot]));
+            for parameter in 0..arm.robot.parameters().len() {
+                let name = arm.parameter_name(parameter);
+                a.columns.push(Column {
+                    owner: Owner::Parameter { robot, parameter },
+                    name,
+                });
+            }
+        }
+        let world = a.constant_pose("reference frame");
+        let origin = a.constant_point("tool origin");
+        // A constraint cannot be on one variable twice: the other robot's tool origin is another one.
+        let other_origin = a.constant_point("other tool origin");
+        for set in sets {
+            if let Some(name) = &set.frame {
+                if !a.frames.contains_key(name) {
+                    let var = a.problem.add_variable::<Pose3>(name, &state.sensor(set));
+                    a.frames.insert(name.clone(), var);
+                    a.name_columns(
+                        &Owner::Frame(name.clone()),
+                        name,
+                        &["x", "y", "z", "rx", "ry", "rz"],
+                    );
+                }
+            }
+            if let Some(name) = &set.target {
+                let key = (set.robot, name.clone());
+                if !a.targets.contains_key(&key) {
+                    let var = a.problem.add_variable::<Point3>(name, &state.target(set));
+                    a.targets.insert(key, var);
+                    let prefix = &arms[set.robot].name;
+                    let full = if prefix.is_empty() {
+                        name.clone()
+                    } else {
+                        format!("{prefix}.{name}")
+                    };
+                    a.name_columns(
+                        &Owner::Target(set.robot, name.clone()),
+                        &full,
+                        &["x", "y", "z"],
+                    );
+                }
+            }
+        }
+        for (k, set) in sets.iter().enumerate() {
+            a.add_groups(k, set, state);
+        }
+        for (k, set) in sets.iter().enumerate() {
+            let target = match &set.target {
+                Some(name) => a.targets[&(set.robot, name.clone())],
+                None => origin,
+            };
+            let sensor = set.frame.as_ref().map_or(world, |name| a.frames[name]);
+            a.add_block(k, set, &chains, target, sensor, other_origin)?;
+        }
+        Ok(a)
+    }
+
+    fn name_columns(&mut self, owner: &Owner, name: &str, components: &[&str]) {
+        for component in components {
+            self.columns.push(Column {
+                owner: owner.clone(),
+                name: format!("{name}.{component}"),
+            });
+        }
+    }
+
+    fn constant_pose(&mut self, name: &str) -> Var<Pose3> {
+        let var = self.problem.add_variable::<Pose3>(name, &Pose::identity());
+        self.problem.fix(var);
+        self.name_columns(&Owner::Constant, name, &["x", "y", "z", "rx", "ry", "rz"]);
+        var
+    }
+
+    fn constant_point(&mut self, name: &str) -> Var<Point3> {
+        let var = self.problem.add_variable::<Point3>(name, &Vector3::zeros());
+        self.problem.fix(var);
+        self.name_columns(&Owner::Constant, name, &["x", "y", "z"]);
+        var
+    }
+
+    fn add_groups(&mut self, k: usize, set: &MeasurementSet, state: &State) {
+        let (mut planes, mut points, mut distance) = (Vec::new(), Vec::new(), None);
+        match &set.measured {
+            Measured::UnknownPlane(groups) => {
+                for (g, name) in groups.names.iter().enumerate() {
+                    let full = format!("{}[{name}]", set.name);
+                    planes.push(
+                        self.problem
+                            .add_variable::<Plane3>(&full, &state.planes[k][g]),
+                    );
+                    self.name_columns(&Owner::Plane(k, g), &full, &["tilt1", "tilt2", "distance"]);
+                }
+            }
+            Measured::SamePoint(groups) => {
+                for (g, name) in groups.names.iter().enumerate() {
+                    let full = format!("{}[{name}]", set.name);
+                    points.push(
+                        self.problem
+                            .add_variable::<Point3>(&full, &state.points[k][g]),
+                    );
+                    self.name_columns(&Owner::Point(k, g), &full, &["x", "y", "z"]);
+                }
+            }
+            Measured::Distance {
+                distance: known, ..
+            } => {
+                let var = self
+                    .problem
+                    .add_variable::<Vector>(&set.name, &vec![state.distances[k]]);
+                let owner = if known.is_some() {
+                    self.problem.fix(var);
+                    Owner::Constant
+                } else {
+                    Owner::Distance(k)
+                };
+                self.columns.push(Column {
+                    owner,
+                    name: format!("{}.distance", set.name),
+                });
+                distance = Some(var);
+            }
+            _ => {}
+        }
+        self.planes.push(planes);
+        self.points.push(points);
+        self.distances.push(distance);
+    }
+
+    fn add_block(
+        &mut self,
+        k: usize,
+        set: &MeasurementSet,
+        chains: &[Arc<Chain>],
+        target: Var<Point3>,
+        sensor: Var<Pose3>,
+        other_origin: Var<Point3>,
+    ) -> Result<(), Error> {
+        let robot = self.robots[set.robot];
+        let chain = &chains[set.robot];
+        let length = |row: usize| Noise::isotropic(set.sigma[row].position);
+        macro_rules! batch {
+            (|$row:ident, $q:ident| $vars:expr, $constraint:expr, $noise:expr) => {{
+                let mut batch = Batch::new(set.name.clone()).loss(set.loss);
+                for ($row, $q) in set.q.iter().enumerate() {
+                    let $q = $q.clone();
+                    batch.push_with_noise($vars, $constraint, $noise?);
+                }
+                self.problem.add_block(batch);
+            }};
+        }
+        match &set.measured {
+            Measured::Position(points) => batch!(
+                |row, q| (robot, sensor, target),
+                Position {
+                    chain: chain.clone(),
+                    q,
+                    measured: points[row]
+                },
+                length(row)
+            ),
+            Measured::Pose(poses) => batch!(
+                |row, q| (robot, sensor, target),
+                MeasuredPose {
+                    chain: chain.clone(),
+                    q,
+                    measured: poses[row]
+                },
+                {
+                    let s = set.sigma[row];
+                    Noise::diagonal(&[
+                        s.position, s.position, s.position, s.rotation, s.rotation, s.rotation,
+                    ])
+                }
+            ),
+            Measured::KnownPlane(plane) => batch!(
+                |row, q| (robot, target),
+                KnownPlane {
+                    chain: chain.clone(),
+                    q,
+                    plane: *plane
+                },
+                length(row)
+            ),
+            Measured::UnknownPlane(groups) => batch!(
+                |row, q| (robot, target, self.planes[k][groups.of_row[row]]),
+                UnknownPlane {
+                    chain: chain.clone(),
+                    q
+                },
+                length(row)
+            ),
+            Measured::SamePoint(groups) => batch!(
+                |row, q| (robot, target, self.points[k][groups.of_row[row]]),
+                SamePoint {
+                    chain: chain.clone(),
+                    q
+                },
+                length(row)
+            ),
+            Measured::Distance { other, q_b, .. } => {
+                // `add_groups` made the variable for this kind.
+                let Some(distance) = self.distances[k] else {
+                    return Ok(());
+                };
+                match other {
+                    Some(b) => {
+                        let other = self.robots[*b];
+                        batch!(
+                            |row, q| (robot, target, other, other_origin, distance),
+                            Distance {
+                                a: chain.clone(),
+                                b: chains[*b].clone(),
+                                q_a: q,
+                                q_b: q_b[row].clone()
+                            },
+                            length(row)
+                        );
+                    }
+                    None => batch!(
+                        |row, q| (robot, target, distance),
+                        PostureDistance {
+                            chain: chain.clone(),
+                            q_a: q,
+                            q_b: q_b[row].clone()
+                        },
+                        length(row)
+                    ),
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// A robot's variable.
+    pub fn robot(&self, robot: usize) -> Var<Vector> {
+        self.robots[robot]
+    }
+
+    /// Columns of a sensor frame's variable.
+    pub fn frame(&self, name: &str) -> Option<Var<Pose3>> {
+        self.frames.get(name).copied()
+    }
+
+    /// A tool point's variable.
+    pub fn target(&self, robot: usize, name: &str) -> Option<Var<Point3>> {
+        self.targets.get(&(robot, name.to_owned())).copied()
+    }
+
+    /// A plane's variable.
+    pub fn plane(&self, set: usize, group: usize) -> Var<Plane3> {
+        self.planes[set][group]
+    }
+
+    /// A point's variable.
+    pub fn point(&self, set: usize, group: usize) -> Var<Point3> {
+        self.points[set][group]
+    }
+
+    /// A distance's variable.
+    pub fn distance(&self, set: usize) -> Option<Var<Vector>> {
+        self.distances[set]
+    }
+
+    /// Estimates only the given columns.
+    pub fn free_only(&mut self, free: &[usize]) {
+        for column in 0..self.columns.len() {
+            self.problem.set_column_fixed(column, true);
+        }
+        for column in free {
+            self.problem.set_column_fixed(*column, false);
+        }
+    }
+
+    /// The state that values stand for.
+    pub fn state(&self, values: &Values) -> State {
+        State {
+            robots: self.robots.iter().map(|var| values.get(*var)).collect(),
+            frames: self
+                .frames
+                .iter()
+                .map(|(name, var)| (name.clone(), values.get(*var)))
+                .collect(),
+            targets: self
+                .targets
+                .iter()
+                .map(|(key, var)| (key.clone(), values.get(*var)))
+                .collect(),
+            planes: self
+                .planes
+                .iter()
+                .map(|g| g.iter().map(|var| values.get(*var)).collect())
+                .collect(),
+            points: self
+                .points
+                .iter()
+                .map(|g| g.iter().map(|var| values.get(*var)).collect())
+                .collect(),
+            distances: self
+                .distances
+                .iter()
+                .map(|var| var.map_or(0.0, |var| values.get(var)[0]))
+                .collect(),
+        }
+    }
+
+    /// Residuals of a set in its own units, one chunk of `dim` a measurement.
+    pub fn residuals(&self, set: usize, values: &Values) -> Vec<f64> {
+        self.problem.raw_residual(set, values)
+    }
+}

@@ -1,0 +1,233 @@
+//! Results, in the shape of `result.json`.
+
+use serde::Serialize;
+
+/// Size of a set's errors over its measurements.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ErrorSummary {
+    /// Root mean square.
+    pub rms: f64,
+    /// Mean of the absolute values.
+    pub mean: f64,
+    /// Largest absolute value.
+    pub max: f64,
+    /// The same of the rotation errors [rad], for poses.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rotation: Option<Box<ErrorSummary>>,
+}
+
+impl ErrorSummary {
+    /// Summary of errors; zeros for none.
+    pub fn of(errors: &[f64]) -> Self {
+        let n = errors.len().max(1) as f64;
+        Self {
+            rms: (errors.iter().map(|e| e * e).sum::<f64>() / n).sqrt(),
+            mean: errors.iter().map(|e| e.abs()).sum::<f64>() / n,
+            max: errors.iter().fold(0.0, |m, e| m.max(e.abs())),
+            rotation: None,
+        }
+    }
+
+    /// Summary of residuals, `dim` a measurement: Euclidean lengths of three, signed distances of
+    /// one, and of six the first three with the last three as rotation.
+    pub fn of_residuals(residuals: &[f64], dim: usize) -> Self {
+        let lengths = |first: usize, last: usize| -> Vec<f64> {
+            residuals
+                .chunks_exact(dim)
+                .map(|r| r[first..last].iter().map(|e| e * e).sum::<f64>().sqrt())
+                .collect()
+        };
+        match dim {
+            1 => Self::of(residuals),
+            6 => Self {
+                rotation: Some(Box::new(Self::of(&lengths(3, 6)))),
+                ..Self::of(&lengths(0, 3))
+            },
+            _ => Self::of(&lengths(0, dim)),
+        }
+    }
+}
+
+/// Errors of one set of measurements.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct SetResult {
+    /// Name.
+    pub name: String,
+    /// Kind.
+    pub kind: String,
+    /// Number of measurements.
+    pub count: usize,
+    /// Number of residual rows.
+    pub rows: usize,
+    /// With the nominal model as the files give it; none where a frame, plane or point has no given value.
+    pub before: Option<ErrorSummary>,
+    /// With the nominal robot, only sensor frames, base, tool points, planes and points estimated.
+    pub registered: Option<ErrorSummary>,
+    /// With the calibrated robot.
+    pub after: Option<ErrorSummary>,
+    /// Unit of the lengths.
+    pub unit: &'static str,
+}
+
+/// What became of a parameter.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Status {
+    /// Estimated from the data.
+    Estimated,
+    /// Not asked for.
+    Fixed,
+    /// Nothing that was measured depends on it.
+    NoEffect,
+    /// Its effect is taken over by others.
+    Regrouped,
+    /// The structure would allow it, these data do not determine it.
+    Unexcited,
+    /// Free to choose (it only moves what was touched along): held at nominal.
+    Held,
+}
+
+impl Status {
+    /// The name in files.
+    pub fn name(&self) -> &'static str {
+        match self {
+            Self::Estimated => "estimated",
+            Self::Fixed => "fixed",
+            Self::NoEffect => "no-effect",
+            Self::Regrouped => "regrouped",
+            Self::Unexcited => "unexcited",
+            Self::Held => "held",
+        }
+    }
+}
+
+/// One parameter of a robot.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ParameterResult {
+    /// Name, with the robot's prefix if there are several.
+    pub name: String,
+    /// `rad`, `m` or `1`.
+    pub unit: &'static str,
+    /// Nominal value.
+    pub nominal: f64,
+    /// Estimate; the nominal value where it is not estimated.
+    pub estimate: f64,
+    /// Standard deviation of the estimate, scaled by σ₀; none where it is not estimated.
+    pub sigma: Option<f64>,
+    /// What became of it.
+    pub status: Status,
+    /// For a regrouped parameter: which take over, with which coefficients.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub into: Option<Vec<(String, f64)>>,
+    /// For a bounded parameter that ended at a bound.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub at_bound: Option<&'static str>,
+}
+
+/// An estimated sensor frame: its pose in the reference frame.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct FrameEstimate {
+    /// Name.
+    pub name: String,
+    /// Position [m].
+    pub position: [f64; 3],
+    /// Unit quaternion (w, x, y, z).
+    pub quaternion: [f64; 4],
+    /// Standard deviations: x, y, z [m], rotation about the frame's own x, y, z [rad].
+    pub sigma: Option<Vec<f64>>,
+}
+
+/// An estimated tool point, in the tool frame.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct TargetEstimate {
+    /// Name.
+    pub name: String,
+    /// Its robot; empty if there is only one.
+    pub robot: String,
+    /// Position [m].
+    pub position: [f64; 3],
+    /// Standard deviations [m].
+    pub sigma: Option<Vec<f64>>,
+}
+
+/// An estimated plane.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct PlaneEstimate {
+    /// Its set of measurements.
+    pub constraint: String,
+    /// Its group.
+    pub group: String,
+    /// Number of touches.
+    pub count: usize,
+    /// Unit normal.
+    pub normal: [f64; 3],
+    /// Distance from the origin along the normal [m].
+    pub distance: f64,
+    /// RMS distance of its touches [m].
+    pub rms: f64,
+}
+
+/// An estimated point.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct PointEstimate {
+    /// Its set of measurements.
+    pub constraint: String,
+    /// Its group.
+    pub group: String,
+    /// Number of visits.
+    pub count: usize,
+    /// Position in the reference frame [m].
+    pub position: [f64; 3],
+    /// RMS distance of its visits [m].
+    pub rms: f64,
+}
+
+/// How the solver ended.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct TerminationReport {
+    /// Short name.
+    pub kind: String,
+    /// Whether it converged.
+    pub converged: bool,
+    /// In words, with the numbers.
+    pub message: String,
+}
+
+/// Everything a calibration found out.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct CalibrationResult {
+    /// How the solver ended.
+    pub termination: TerminationReport,
+    /// Whether the result may be used.
+    pub trusted: bool,
+    /// What to know before using it.
+    pub warnings: Vec<String>,
+    /// Trial steps of the solver.
+    pub iterations: u64,
+    /// Cost ½Σρ at the start.
+    pub initial_cost: f64,
+    /// Cost at the end.
+    pub cost: f64,
+    /// a-posteriori standard deviation of unit weight.
+    pub sigma0: Option<f64>,
+    /// Sets that were used.
+    pub constraints: Vec<SetResult>,
+    /// Rows that were held out, and sets that only validate.
+    pub validation: Vec<SetResult>,
+    /// Every parameter of every robot.
+    pub parameters: Vec<ParameterResult>,
+    /// Sensor frames.
+    pub frames: Vec<FrameEstimate>,
+    /// Tool points.
+    pub targets: Vec<TargetEstimate>,
+    /// Planes.
+    pub planes: Vec<PlaneEstimate>,
+    /// Points.
+    pub points: Vec<PointEstimate>,
+    /// Estimated distances, as (constraint, metres).
+    pub distances: Vec<(String, f64)>,
+    /// Estimated degrees of freedom of robots, sensor frames and tool points together.
+    pub identifiable: usize,
+    /// Condition number of the Jacobian over everything estimated, columns scaled to unit length.
+    pub condition: Option<f64>,
+}

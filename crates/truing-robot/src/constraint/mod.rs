@@ -1,0 +1,150 @@
+//! The kinds of measurements: one file a kind.
+//!
+//! Every kind differentiates only its small function of tool points, planes and frames with
+//! `num-dual`; the chain rule through the [`Regressor`] does the rest, with whichever
+//! [`Derivatives`] the robot's [`Chain`] was given.
+
+mod distance;
+mod known_plane;
+mod pose;
+mod position;
+mod same_point;
+mod unknown_plane;
+
+pub use distance::{Distance, PostureDistance};
+pub use known_plane::KnownPlane;
+pub use pose::MeasuredPose;
+pub use position::Position;
+pub use same_point::SamePoint;
+pub use unknown_plane::UnknownPlane;
+
+use crate::kinematics::{DifferentiateChain, FrameWise, Regressor, Robot};
+use std::sync::Arc;
+use truing::manifold::Pose;
+use truing::nalgebra::{Matrix3, SMatrix, Vector3};
+use truing::{Constraint, Jacobian, Point, Scalar, Vars, autodiff};
+
+/// How a robot's constraints are differentiated.
+#[derive(Clone)]
+pub enum Derivatives {
+    /// The chain rule through a regressor: frame-wise automatic differentiation, or a plugin's analytic columns.
+    Regressor(Arc<dyn DifferentiateChain>),
+    /// Automatic differentiation of the whole chain: the reference.
+    WholeChain,
+    /// Central differences: the second reference.
+    Numeric,
+}
+
+impl Default for Derivatives {
+    fn default() -> Self {
+        Self::Regressor(Arc::new(FrameWise))
+    }
+}
+
+/// A robot with a way to differentiate it; shared by all constraints on that robot.
+#[derive(Clone)]
+pub struct Chain {
+    /// The robot.
+    pub robot: Robot,
+    /// How its constraints are differentiated.
+    pub derivatives: Derivatives,
+}
+
+impl Chain {
+    /// A robot with frame-wise automatic differentiation.
+    pub fn new(robot: Robot) -> Arc<Self> {
+        Self::with(robot, Derivatives::default())
+    }
+
+    /// A robot with other derivatives.
+    pub fn with(robot: Robot, derivatives: Derivatives) -> Arc<Self> {
+        Arc::new(Self { robot, derivatives })
+    }
+
+    /// Position of a tool point in the reference frame [m].
+    pub fn tip<T: Scalar>(&self, parameters: &[T], q: &[f64], target: &Vector3<T>) -> Vector3<T> {
+        self.robot.forward(parameters, q).apply(target)
+    }
+}
+
+/// Differentiates by automatic differentiation of the whole chain or numerically where the chain
+/// asks for it; otherwise returns the regressor's source.
+fn reference_or_regressor<'c, C: Constraint>(
+    constraint: &C,
+    chain: &'c Chain,
+    at: &mut Point<'_, C::Vars>,
+    r: &mut [f64],
+    j: &mut Jacobian<'_>,
+) -> Option<&'c dyn DifferentiateChain> {
+    match &chain.derivatives {
+        Derivatives::Regressor(regressor) => return Some(&**regressor),
+        Derivatives::WholeChain => autodiff::forward(constraint, at, r, j),
+        Derivatives::Numeric => autodiff::central_differences(constraint, at, r, j),
+    }
+    None
+}
+
+/// Writes ∂r/∂(robot parameters) = (∂r/∂tip) · (∂tip/∂parameters) and ∂r/∂target of one tool point.
+#[inline]
+fn write_tip<const ROWS: usize>(
+    j: &mut Jacobian<'_>,
+    robot: usize,
+    target: usize,
+    regressor: &Regressor,
+    tip: &Vector3<f64>,
+    gradient: &SMatrix<f64, ROWS, 3>,
+) {
+    let block = j.block_mut(robot);
+    for (column, twist) in block.chunks_exact_mut(ROWS).zip(&regressor.twists) {
+        let moved = gradient * twist.at(tip);
+        column.copy_from_slice(moved.as_slice());
+    }
+    let columns = gradient * regressor.tool.rotation;
+    j.block_mut(target).copy_from_slice(columns.as_slice());
+}
+
+/// Writes a block of columns of another variable.
+fn write_block<const ROWS: usize, const COLS: usize>(
+    j: &mut Jacobian<'_>,
+    variable: usize,
+    columns: &SMatrix<f64, ROWS, COLS>,
+) {
+    j.block_mut(variable).copy_from_slice(columns.as_slice());
+}
+
+/// The regressor at a configuration, in memory that the evaluation keeps.
+fn regressor_at<'m, V: Vars>(
+    at: &'m mut Point<'_, V>,
+    source: &dyn DifferentiateChain,
+    chain: &Chain,
+    parameters: &[f64],
+    q: &[f64],
+) -> &'m mut Regressor {
+    let regressor = at.memory::<Regressor>();
+    source.regressor(&chain.robot, parameters, q, regressor);
+    regressor
+}
+
+/// A pose moved by a small translation and, on its own side, a small rotation, as [`truing::manifold::Pose3`] moves.
+fn moved_pose<T: Scalar>(pose: &Pose<f64>, delta: &[T]) -> Pose<T> {
+    let translation = Vector3::new(
+        delta[0] + pose.translation.x,
+        delta[1] + pose.translation.y,
+        delta[2] + pose.translation.z,
+    );
+    let turn = truing::manifold::so3::exp_matrix(&delta[3..6]);
+    Pose {
+        rotation: lift::<T>(&pose.rotation) * turn,
+        translation,
+    }
+}
+
+/// A matrix of numbers as one of scalars.
+fn lift<T: Scalar>(m: &Matrix3<f64>) -> Matrix3<T> {
+    m.map(T::from)
+}
+
+/// Transposed matrix times vector.
+fn transposed<T: Scalar>(m: &Matrix3<T>, v: &Vector3<T>) -> Vector3<T> {
+    m.transpose() * v
+}

@@ -1,0 +1,362 @@
+//! The values of the keys of a `[[constraint]]` table, each with its own rules.
+
+use super::constraint_spec::{DistanceSpec, Holdout, Kind, LossSpec, PlaneSpec, SigmaSpec};
+use super::error::{InputError, ValueError, short, suggest};
+use super::item::Item;
+use super::quantity::{Dimension, Quantity, Units};
+use super::section::{Section, Spanned};
+use super::selection::Selection;
+
+/// A quantity of this dimension, in m, rad or 1, that is more than zero.
+pub(super) fn positive(item: &Item<'_>, dimension: Dimension) -> Result<f64, InputError> {
+    let value = item.in_units(dimension, &Units::SI)?;
+    if value > 0.0 {
+        return Ok(value);
+    }
+    Err(not_positive(item, value))
+}
+
+/// A quantity of any dimension that is more than zero.
+pub(super) fn positive_quantity(item: &Item<'_>) -> Result<Quantity, InputError> {
+    let quantity = item.quantity()?.value;
+    if quantity.value > 0.0 {
+        return Ok(quantity);
+    }
+    Err(not_positive(item, quantity.value))
+}
+
+fn not_positive(item: &Item<'_>, value: f64) -> InputError {
+    item.error(format!("found {value}; expected more than 0"))
+        .with_help("write a positive number, or leave the key out")
+}
+
+/// `"0.1 mm"`, `1e-4`, or `{ position = "0.1 mm", rotation = "0.2 mrad" }`.
+pub(super) fn sigma(item: &Item<'_>, kind: Kind) -> Result<SigmaSpec, InputError> {
+    if !item.is_table() {
+        let quantity = positive_quantity(item)?;
+        quantity
+            .expect(Dimension::Length)
+            .map_err(|error| item.refuse(error))?;
+        return Ok(SigmaSpec::Single(quantity));
+    }
+    if kind != Kind::Pose {
+        let message = format!("found a table; a {} has no rotation", kind.name());
+        return Err(item
+            .error(message)
+            .with_help("write one length, like sigma = \"0.1 mm\""));
+    }
+    let mut table = item.table()?;
+    let position = table.require("position", "expected a length")?;
+    let rotation = table.require("rotation", "expected an angle")?;
+    let sigma = SigmaSpec::Pose {
+        position: positive(&position, Dimension::Length)?,
+        rotation: positive(&rotation, Dimension::Angle)?,
+    };
+    table.finish()?;
+    Ok(sigma)
+}
+
+/// `"trivial"` or `"huber(1.5)"`.
+pub(super) fn loss(item: &Item<'_>) -> Result<LossSpec, InputError> {
+    let text = item.string()?.value;
+    parse_loss(&text).map_err(|error| item.refuse(error))
+}
+
+fn parse_loss(text: &str) -> Result<LossSpec, ValueError> {
+    let (name, width) = match text.trim().split_once('(') {
+        Some((name, rest)) => (name.trim(), Some(rest)),
+        None => (text.trim(), None),
+    };
+    match (name, width) {
+        ("trivial", None) => Ok(LossSpec::Trivial),
+        ("huber", Some(rest)) => {
+            let width = rest.trim_end().strip_suffix(')').map(str::trim);
+            match width.and_then(|width| width.parse::<f64>().ok()) {
+                Some(width) if width.is_finite() && width > 0.0 => Ok(LossSpec::Huber(width)),
+                _ => Err(ValueError::new(format!(
+                    "found `{}`; expected a positive number of sigmas between the parentheses",
+                    short(text)
+                ))
+                .with_help("write \"huber(1.5)\"")),
+            }
+        }
+        ("huber", None) => Err(ValueError::new(
+            "found `huber` without its width; expected like \"huber(1.5)\"",
+        )
+        .with_help("write how many sigmas count by their square: \"huber(1.5)\"")),
+        _ => Err(ValueError::new(format!(
+            "found `{}`; expected \"trivial\" or \"huber(1.5)\"",
+            short(text)
+        ))
+        .with_help(match name {
+            "trivial" => "write \"trivial\" without parentheses".to_owned(),
+            _ => suggest(name, &["trivial", "huber(1.5)"]),
+        })),
+    }
+}
+
+/// `robots = ["left", "right"]`.
+pub(super) fn two_robots(
+    table: &mut Section<'_>,
+) -> Result<Option<[Spanned<String>; 2]>, InputError> {
+    let Some(item) = table.get("robots") else {
+        return Ok(None);
+    };
+    if table.peek("robot").is_some() {
+        return Err(item
+            .error("there is also `robot`; expected one of the two keys")
+            .with_help("use `robots` for two robots, `robot` for one in two postures"));
+    }
+    let [first, second] = item.list_of("the names of two robots")?;
+    let (first, second) = (first.name_text()?, second.name_text()?);
+    if first.value == second.value {
+        let message = format!("found `{}` twice; expected two robots", short(&first.value));
+        let help = "use `robot` for one robot in two postures";
+        return Err(item.error(message).with_help(help));
+    }
+    Ok(Some([first, second]))
+}
+
+/// Finds the value of a guess, which makes sense only with the key it is a guess of.
+fn guess<'a>(table: &mut Section<'a>, key: &str, of: &str) -> Result<Option<Item<'a>>, InputError> {
+    let Some(item) = table.get(key) else {
+        return Ok(None);
+    };
+    if table.peek(of).is_none() {
+        return Err(item
+            .error(format!("there is no `{of}` for this guess"))
+            .with_help(format!("name what is estimated: {of} = \"a\"")));
+    }
+    Ok(Some(item))
+}
+
+/// `target_guess = [x, y, z]`.
+pub(super) fn target_guess(table: &mut Section<'_>) -> Result<Option<[Quantity; 3]>, InputError> {
+    let Some(item) = guess(table, "target_guess", "target")? else {
+        return Ok(None);
+    };
+    let mut point = [Quantity::bare(0.0); 3];
+    let items: [Item<'_>; 3] = item.list_of("[x, y, z]")?;
+    for (coordinate, item) in point.iter_mut().zip(&items) {
+        item.in_units(Dimension::Length, &Units::SI)?;
+        *coordinate = item.quantity()?.value;
+    }
+    Ok(Some(point))
+}
+
+/// `frame_guess = [x, y, z, qw, qx, qy, qz]`, the quaternion brought to length one.
+pub(super) fn frame_guess(table: &mut Section<'_>) -> Result<Option<[f64; 7]>, InputError> {
+    let Some(item) = guess(table, "frame_guess", "frame")? else {
+        return Ok(None);
+    };
+    let items: [Item<'_>; 7] = item.list_of("[x, y, z, qw, qx, qy, qz]")?;
+    let mut pose = [0.0; 7];
+    for (i, (number, item)) in pose.iter_mut().zip(&items).enumerate() {
+        let dimension = if i < 3 {
+            Dimension::Length
+        } else {
+            Dimension::None
+        };
+        *number = item.in_units(dimension, &Units::SI)?;
+    }
+    let quaternion = &mut pose[3..];
+    let norm = quaternion.iter().fold(0.0f64, |norm, q| norm.hypot(*q));
+    if !(0.9..1.1).contains(&norm) {
+        return Err(item
+            .error(format!("the quaternion has length {norm}; expected 1"))
+            .with_help("the order is x, y, z, qw, qx, qy, qz"));
+    }
+    for number in quaternion {
+        *number /= norm;
+    }
+    Ok(Some(pose))
+}
+
+/// `{ normal = [0, 0, 1], distance = 0.4 }` or `{ a = 0.3, b = -0.5, c = -1.1 }`.
+pub(super) fn plane(table: &mut Section<'_>, kind: Kind) -> Result<Option<PlaneSpec>, InputError> {
+    const EXPECTED: &str = "expected { normal = [0, 0, 1], distance = 0.4 } or { a, b, c }";
+    if kind != Kind::KnownPlane {
+        return Ok(None);
+    }
+    let item = table.require("plane", EXPECTED)?;
+    let mut table = item.table()?;
+    let paper = ["a", "b", "c"];
+    let by_paper = paper.iter().any(|key| table.peek(key).is_some());
+    let by_normal = ["normal", "distance"]
+        .iter()
+        .any(|key| table.peek(key).is_some());
+    if by_paper && by_normal {
+        return Err(item
+            .error(format!("found both forms of a plane; {EXPECTED}"))
+            .with_help("keep either `normal` and `distance`, or `a`, `b` and `c`"));
+    }
+    let (plane, normal) = if by_paper {
+        let mut normal = [0.0; 3];
+        for (number, key) in normal.iter_mut().zip(paper) {
+            *number = table.require(key, "expected a number")?.number()?.value;
+        }
+        let [a, b, c] = normal;
+        (PlaneSpec::Paper { a, b, c }, normal)
+    } else {
+        let items: [Item<'_>; 3] = table
+            .require("normal", "expected [x, y, z]")?
+            .list_of("[x, y, z]")?;
+        let mut normal = [0.0; 3];
+        for (number, item) in normal.iter_mut().zip(&items) {
+            *number = item.number()?.value;
+        }
+        let distance = table.require("distance", "expected a length")?;
+        let distance = distance.in_units(Dimension::Length, &Units::SI)?;
+        (PlaneSpec::NormalDistance { normal, distance }, normal)
+    };
+    table.finish()?;
+    // What is not zero must also have a length that is neither zero nor infinite.
+    let norm = normal.iter().fold(0.0f64, |norm, n| norm.hypot(*n));
+    if norm.is_normal() {
+        return Ok(Some(plane));
+    }
+    Err(item
+        .error("the plane has no direction; expected a normal that is not zero")
+        .with_help("write the normal of the plane, like [0, 0, 1]"))
+}
+
+/// `0.116`, `"116 mm"` or `"estimate"`.
+pub(super) fn distance(
+    table: &mut Section<'_>,
+    kind: Kind,
+) -> Result<Option<DistanceSpec>, InputError> {
+    if kind != Kind::Distance {
+        return Ok(None);
+    }
+    let item = table.require("distance", "expected a length or \"estimate\"")?;
+    if let Some(word) = item.as_str().map(str::trim)
+        && word.starts_with(|c: char| c.is_alphabetic())
+    {
+        return match word {
+            "estimate" => Ok(Some(DistanceSpec::Estimate)),
+            _ => Err(item
+                .wrong_type("a length or \"estimate\"")
+                .with_help(suggest(word, &["estimate"]))),
+        };
+    }
+    let value = item.in_units(Dimension::Length, &Units::SI)?;
+    if value >= 0.0 {
+        return Ok(Some(DistanceSpec::Value(value)));
+    }
+    Err(item
+        .error(format!("found {value}; expected 0 or more"))
+        .with_help("a distance has no sign"))
+}
+
+/// `columns = { x = "s1x" }`.
+pub(super) fn columns(
+    table: &mut Section<'_>,
+) -> Result<Vec<(String, Spanned<String>)>, InputError> {
+    let Some(mut table) = table.table("columns")? else {
+        return Ok(Vec::new());
+    };
+    let entries = table.entries();
+    let columns = entries.iter();
+    columns
+        .map(|item| Ok((item.name().to_owned(), item.name_text()?)))
+        .collect()
+}
+
+/// `rows = "0:400"`.
+pub(super) fn rows(table: &mut Section<'_>) -> Result<Option<Spanned<Selection>>, InputError> {
+    let Some(item) = table.get("rows") else {
+        return Ok(None);
+    };
+    let text = item.string()?;
+    let selection = Selection::parse(&text.value).map_err(|error| item.refuse(error))?;
+    Ok(Some(Spanned::new(selection, text.span)))
+}
+
+/// `{ every = 10, rows = [0, 3, 7] }`.
+pub(super) fn holdout(table: &mut Section<'_>) -> Result<Option<Holdout>, InputError> {
+    let Some(item) = table.get("holdout") else {
+        return Ok(None);
+    };
+    let mut table = item.table()?;
+    let every = table.require("every", "expected an integer")?;
+    let length = every.integer()?.value;
+    if length == 0 {
+        return Err(every
+            .error("found 0; expected 1 or more")
+            .with_help("write how many rows the pattern has, like every = 10"));
+    }
+    let list = table.require("rows", "expected a list of row numbers")?;
+    table.finish()?;
+    let mut rows = Vec::new();
+    for item in list.list("a list of row numbers, like [0, 3, 7]")? {
+        let row = item.integer()?.value;
+        if row >= length {
+            let message = format!("found row {row}; expected less than `every`, {length}");
+            let help = "rows are counted from 0 within the pattern";
+            return Err(item.error(message).with_help(help));
+        }
+        rows.push(row);
+    }
+    rows.sort_unstable();
+    rows.dedup();
+    if rows.is_empty() || rows.len() == length {
+        let found = if rows.is_empty() {
+            "no row"
+        } else {
+            "every row"
+        };
+        return Err(list
+            .error(format!("{found} is held out; expected some, and not all"))
+            .with_help("hold out some rows, or leave `holdout` out"));
+    }
+    Ok(Some(Holdout {
+        every: length,
+        rows,
+    }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn losses() {
+        assert_eq!(parse_loss("trivial"), Ok(LossSpec::Trivial));
+        assert_eq!(parse_loss(" huber( 1.5 ) "), Ok(LossSpec::Huber(1.5)));
+        for text in [
+            "",
+            "huber",
+            "huber(",
+            "huber()",
+            "huber(0)",
+            "huber(-1)",
+            "huber(nan)",
+            "huber(inf)",
+            "huber(1.5",
+            "huber(1.5))",
+            "cauchy(1)",
+            "trivial(1)",
+            "Huber(1)",
+        ] {
+            let error = parse_loss(text).unwrap_err();
+            assert!(error.help.is_some(), "{text}");
+        }
+        let error = parse_loss("cauchy(1)").unwrap_err();
+        assert!(error.message.contains("\"trivial\" or \"huber(1.5)\""));
+    }
+
+    #[test]
+    fn holdout_counts_modulo() {
+        let holdout = Holdout {
+            every: 10,
+            rows: vec![0, 3, 7],
+        };
+        let held: Vec<usize> = (0..20).filter(|&row| holdout.holds_out(row)).collect();
+        assert_eq!(held, [0, 3, 7, 10, 13, 17]);
+        let odd = Holdout {
+            every: 0,
+            rows: vec![0],
+        };
+        assert!(!odd.holds_out(3));
+    }
+}

@@ -14,7 +14,7 @@ use std::time::Instant;
 use truing::manifold::{Plane, Plane3, Point3, Pose, Pose3, Vector};
 use truing::nalgebra::Vector3;
 use truing::{Batch, Constraint, LeastSquares, Linearization, Problem, Vars};
-use truing_robot::constraint::{Chain, Derivatives, Position, UnknownPlane};
+use truing_robot::constraint::{Chain, Derivatives, MeasuredPose, Position, UnknownPlane};
 use truing_robot::file::RobotFile;
 use truing_robot::kinematics::Robot;
 
@@ -106,6 +106,24 @@ fn position(derivatives: Derivatives) -> Problem {
     )
 }
 
+fn pose(derivatives: Derivatives) -> Problem {
+    problem(
+        derivatives,
+        |problem, robot| {
+            (
+                problem.add_variable::<Vector>("robot", &robot.nominal()),
+                problem.add_variable::<Pose3>("sensor", &Pose::identity()),
+                problem.add_variable::<Point3>("target", &Vector3::zeros()),
+            )
+        },
+        |chain, q| MeasuredPose {
+            chain: chain.clone(),
+            measured: chain.robot.forward(&chain.robot.nominal(), &q),
+            q,
+        },
+    )
+}
+
 /// Nanoseconds a configuration, the median over `repetitions` of each task, taken in turn.
 fn medians(tasks: &mut [Box<dyn FnMut()>], repetitions: usize) -> Vec<f64> {
     let mut times = vec![Vec::with_capacity(repetitions); tasks.len()];
@@ -157,4 +175,5 @@ fn main() {
         repetitions,
     );
     table("position, 37 + 6 + 3 columns", position, repetitions);
+    table("pose, 37 + 6 + 3 columns", pose, repetitions);
 }

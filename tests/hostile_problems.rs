@@ -376,7 +376,7 @@ fn residuals_a_googol_times_larger_or_smaller_have_the_same_estimate() {
     }
 }
 
-/// (1e8 (a − 1), b − 2e8 − 0.3): one unknown in gigametres, one in nanometres.
+/// (1e8 (a − 1), b − 2e8 − 0.3): two unknowns in units that differ by eight orders.
 struct MixedUnits;
 
 impl Constraint for MixedUnits {

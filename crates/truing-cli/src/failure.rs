@@ -1,8 +1,11 @@
 //! Failures, shown with the place in the file they are about.
 
-use miette::{Diagnostic, LabeledSpan, NamedSource, SourceCode};
+use miette::{
+    Diagnostic, LabeledSpan, MietteHandlerOpts, NamedSource, ReportHandler as _, SourceCode,
+};
 use std::fmt;
-use std::path::PathBuf;
+use std::io::IsTerminal as _;
+use std::path::{Path, PathBuf};
 use truing_robot::Error;
 use truing_robot::file::InputError;
 
@@ -11,6 +14,8 @@ use truing_robot::file::InputError;
 pub struct Failure {
     message: String,
     help: Option<String>,
+    file: Option<PathBuf>,
+    line: Option<usize>,
     source: Option<NamedSource<String>>,
     label: Option<LabeledSpan>,
 }
@@ -21,27 +26,63 @@ impl Failure {
         Self {
             message: message.into(),
             help: Some(help.into()),
+            file: None,
+            line: None,
             source: None,
             label: None,
         }
     }
 
     /// A failure to write or read a file.
-    pub fn io(what: &str, path: &std::path::Path, error: &std::io::Error) -> Self {
+    pub fn io(what: &str, path: &Path, error: &std::io::Error) -> Self {
         Self::new(
-            format!("cannot {what} {}: {error}", path.display()),
+            format!("cannot {what} {}: {}", path.display(), reason(error)),
             "check the path, its permissions and the free space",
         )
     }
 
-    /// What is wrong, in one line.
-    pub fn message(&self) -> &str {
-        &self.message
+    /// The same failure about a file as a whole, unless it has a place already.
+    #[must_use]
+    pub fn about(mut self, file: &Path) -> Self {
+        self.file.get_or_insert_with(|| file.to_owned());
+        self
     }
 
-    /// What to do.
-    pub fn advice(&self) -> Option<&str> {
-        self.help.as_deref()
+    /// The failure for machines, one line of JSON.
+    pub fn json(&self) -> String {
+        let error = serde_json::json!({ "error": {
+            "message": self.message,
+            "help": self.help,
+            "file": self.file.as_ref().map(|file| file.display().to_string()),
+            "line": self.line,
+        } });
+        error.to_string()
+    }
+}
+
+/// The failure as people read it on standard error, with the place in its file.
+///
+/// Lines are broken between words to fit a terminal, and not at all elsewhere, so that a log can be
+/// searched for what was said.
+pub struct Shown<'a>(pub &'a Failure);
+
+impl fmt::Display for Shown<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        MietteHandlerOpts::new()
+            .wrap_lines(std::io::stderr().is_terminal())
+            .break_words(false)
+            .terminal_links(false)
+            .build()
+            .debug(self.0, f)
+    }
+}
+
+/// What the system says, without the number it gives it.
+fn reason(error: &std::io::Error) -> String {
+    let text = error.to_string();
+    match text.split_once(" (os error") {
+        Some((text, _)) => text.to_lowercase(),
+        None => text,
     }
 }
 
@@ -52,42 +93,52 @@ impl From<Error> for Failure {
             Error::Calibration { message, help } | Error::Unreachable { message, help } => {
                 Self::new(message, help)
             }
-            other => Self {
-                message: other.to_string(),
-                help: None,
-                source: None,
-                label: None,
-            },
+            other => Self::new(
+                other.to_string(),
+                "check the robot and the data for values that make no sense",
+            ),
         }
     }
 }
 
 impl From<InputError> for Failure {
     fn from(error: InputError) -> Self {
-        let message = error.to_string();
-        let help = error.help.as_deref().map(str::to_owned);
-        let (Some(text), Some(span)) = (&error.text, &error.span) else {
-            return Self {
-                message,
-                help,
-                source: None,
-                label: None,
-            };
+        let mut failure = Self {
+            message: error.message,
+            help: error.help.map(String::from),
+            file: Some(error.path),
+            line: error.line,
+            source: None,
+            label: None,
         };
-        let name = error.path.display().to_string();
-        // An empty span at the end of a text has nothing to underline.
-        let label = (span.start < text.len()).then(|| LabeledSpan::underline(span.clone()));
-        Self {
-            message,
-            help,
-            source: Some(NamedSource::new(name, text.to_string())),
-            label,
+        if let (Some(text), Some(span), Some(file)) = (error.text, error.span, &failure.file) {
+            // A place at the end of the text has nothing to underline: what comes before it does.
+            let end = text.trim_end().len();
+            let last = text.floor_char_boundary(end.saturating_sub(1));
+            if end > 0 {
+                let start = span.start.min(last);
+                let span = start..span.end.clamp(start, end);
+                failure.label = Some(LabeledSpan::underline(span));
+                failure.source = Some(NamedSource::new(
+                    file.display().to_string(),
+                    text.to_string(),
+                ));
+            }
         }
+        failure
     }
 }
 
 impl fmt::Display for Failure {
+    /// The message, behind its place where no source shows that.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let (None, Some(file)) = (&self.source, &self.file) {
+            write!(f, "{}:", file.display())?;
+            if let Some(line) = self.line {
+                write!(f, "{line}:")?;
+            }
+            f.write_str(" ")?;
+        }
         f.write_str(&self.message)
     }
 }

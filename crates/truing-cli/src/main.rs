@@ -5,11 +5,12 @@ mod calibrate;
 mod failure;
 mod output;
 mod show;
+mod simulate;
 
 use args::{Arguments, Command};
 use clap::Parser;
 use failure::Failure;
-use std::io::Write;
+use std::io::{IsTerminal, Write};
 use std::process::ExitCode;
 
 /// How a command ended that ran to its end.
@@ -52,6 +53,7 @@ fn main() -> ExitCode {
     tracing_subscriber::fmt()
         .with_max_level(level)
         .with_writer(std::io::stderr)
+        .with_ansi(std::io::stderr().is_terminal())
         .with_target(false)
         .without_time()
         .init();
@@ -60,22 +62,21 @@ fn main() -> ExitCode {
     };
     let ending = match &arguments.command {
         Command::Calibrate(arguments) => calibrate::run(arguments, &streams),
-        Command::Simulate(_) => unreachable!(),
+        Command::Simulate(arguments) => simulate::run(arguments, &streams),
     };
     match ending {
         Ok(Ending::Good) => ExitCode::SUCCESS,
         Ok(Ending::Untrusted) => ExitCode::from(1),
         Err(failure) => {
-            report(failure, &streams);
+            report(&failure, &streams);
             ExitCode::from(2)
         }
     }
 }
 
-fn report(failure: Failure, streams: &Streams) {
+fn report(failure: &Failure, streams: &Streams) {
     if streams.json {
-        let error = serde_json::json!({ "error": { "message": failure.message(), "help": failure.advice() } });
-        streams.print(&format!("{error}\n"));
+        streams.print(&(failure.json() + "\n"));
     }
-    eprintln!("{:?}", miette::Report::new(failure));
+    eprintln!("{}", failure::Shown(failure));
 }

@@ -4,10 +4,10 @@ use crate::failure::{Failure, Files};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// Refuses early a folder that is already there and holds something.
+/// Refuses early a folder that is already there and holds something, and one that cannot be written.
 pub fn check(folder: &Path, force: bool) -> Result<(), Failure> {
-    if force || !folder.exists() {
-        return Ok(());
+    if !folder.exists() {
+        return can_make(folder);
     }
     if !folder.is_dir() {
         return Err(Failure::new(
@@ -17,11 +17,11 @@ pub fn check(folder: &Path, force: bool) -> Result<(), Failure> {
     }
     let empty = folder
         .read_dir()
-        .map_err(|e| Failure::io("read", folder, &e))?
+        .map_err(|e| Failure::io("read the folder", folder, &e))?
         .next()
         .is_none();
-    if empty {
-        return Ok(());
+    if empty || force {
+        return can_write(folder, folder);
     }
     Err(Failure::new(
         format!(
@@ -30,6 +30,32 @@ pub fn check(folder: &Path, force: bool) -> Result<(), Failure> {
         ),
         "name another folder with --output, or write into this one with --force",
     ))
+}
+
+/// Whether a folder that is not there can be made in the nearest one above it that is.
+fn can_make(folder: &Path) -> Result<(), Failure> {
+    let above = folder.ancestors().skip(1).find(|above| above.exists());
+    let above = match above {
+        Some(above) if !above.as_os_str().is_empty() => above,
+        _ => Path::new("."),
+    };
+    if !above.is_dir() {
+        let message = format!(
+            "cannot make the folder {}: {} is a file",
+            folder.display(),
+            above.display()
+        );
+        return Err(Failure::new(message, "name another folder with --output"));
+    }
+    can_write(above, folder)
+}
+
+/// Whether files can be written into a folder that is there; `wanted` is what is to be written.
+fn can_write(folder: &Path, wanted: &Path) -> Result<(), Failure> {
+    match tempfile::tempfile_in(folder) {
+        Ok(_) => Ok(()),
+        Err(error) => Err(Failure::io("write into the folder", wanted, &error)),
+    }
 }
 
 /// Writes files into a folder, which is made if it is not there.

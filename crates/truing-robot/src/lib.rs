@@ -11,6 +11,7 @@ mod error;
 pub mod file;
 pub mod kinematics;
 pub mod posture;
+pub mod simulate;
 
 pub use error::Error;
 pub use kinematics::Robot;

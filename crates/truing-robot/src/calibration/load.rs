@@ -6,8 +6,8 @@ use crate::constraint::Derivatives;
 use crate::error::Error;
 use crate::file::{
     BoundSpec, CalibrationFile, ConstraintSpec, Dimension, DistanceSpec, InputError, JacobianKind,
-    Kind, LossSpec, Pattern, PlaneSpec, Quantity, RobotFile, SigmaSpec, SolverKind, Spanned, Table,
-    nearest,
+    Kind, LossSpec, Pattern, PlaneSpec, Quantity, RobotFile, RobotRef, SigmaSpec, SolverKind,
+    Source, Spanned, Table, nearest,
 };
 use crate::kinematics::{JointKind, ParameterKind, Robot, Unit};
 use std::collections::BTreeMap;
@@ -21,18 +21,7 @@ use truing::{Loss, Method, Settings, Tolerances};
 /// # Errors
 /// Whatever is wrong with a file, with the place, what was found, what was expected and what to do.
 pub fn load(file: &CalibrationFile) -> Result<Calibration, Error> {
-    let mut arms = Vec::new();
-    for robot in &file.robots {
-        let read = RobotFile::read(&robot.file).map_err(|error| match error.text {
-            // The robot file could not be read at all: the name in the calibration file is the place.
-            None if error.line.is_none() => error.moved_to(&file.source, robot.span.clone()),
-            _ => error,
-        })?;
-        arms.push(Arm {
-            name: robot.name.clone(),
-            robot: Robot::new(&read),
-        });
-    }
+    let arms = read_arms(&file.robots, &file.source)?;
     let estimate = estimate(file, &arms)?;
     let mut loader = Loader {
         file,
@@ -83,6 +72,40 @@ pub fn load(file: &CalibrationFile) -> Result<Calibration, Error> {
     })
 }
 
+/// Reads robots from their files.
+pub(crate) fn read_arms(robots: &[RobotRef], source: &Source) -> Result<Vec<Arm>, InputError> {
+    let read = |robot: &RobotRef| {
+        let file = RobotFile::read(&robot.file).map_err(|error| match error.text {
+            // The robot file could not be read at all: the name in the other file is the place.
+            None if error.line.is_none() => error.moved_to(source, robot.span.clone()),
+            _ => error,
+        })?;
+        Ok(Arm {
+            name: robot.name.clone(),
+            robot: Robot::new(&file),
+        })
+    };
+    robots.iter().map(read).collect()
+}
+
+/// A quantity in the unit of a parameter [m, rad or 1].
+pub(crate) fn in_unit_of(
+    arms: &[Arm],
+    (robot, parameter): (usize, usize),
+    quantity: Quantity,
+    source: &Source,
+    span: &std::ops::Range<usize>,
+) -> Result<f64, InputError> {
+    let dimension = match arms[robot].robot.parameters()[parameter].unit() {
+        Unit::Radian => Dimension::Angle,
+        Unit::Meter => Dimension::Length,
+        Unit::One => Dimension::None,
+    };
+    quantity
+        .expect(dimension)
+        .map_err(|e| e.at(source, span.clone(), &arms[robot].parameter_name(parameter)))
+}
+
 /// Two sets that share a frame or a tool point cannot start it at two places.
 fn check_guesses(file: &CalibrationFile, sets: &[MeasurementSet]) -> Result<(), InputError> {
     for (k, set) in sets.iter().enumerate() {
@@ -118,14 +141,14 @@ fn check_guesses(file: &CalibrationFile, sets: &[MeasurementSet]) -> Result<(), 
 }
 
 /// All parameters of all robots by the names a calibration file can use.
-struct Names<'a> {
-    file: &'a CalibrationFile,
-    arms: &'a [Arm],
+pub(crate) struct Names<'a> {
+    pub source: &'a Source,
+    pub arms: &'a [Arm],
 }
 
 impl Names<'_> {
     /// The parameters that a name, pattern or word means, in their order.
-    fn find(&self, text: &Spanned<String>) -> Result<Vec<(usize, usize)>, InputError> {
+    pub fn find(&self, text: &Spanned<String>) -> Result<Vec<(usize, usize)>, InputError> {
         let all: Vec<(usize, usize)> = self
             .arms
             .iter()
@@ -181,7 +204,7 @@ impl Names<'_> {
             "parameter matches"
         };
         Err(self
-            .file
+            .source
             .error_at(text.span.clone(), format!("no {what} `{}`", text.value))
             .with_help(help))
     }
@@ -200,7 +223,10 @@ fn listed(names: &[String]) -> String {
 
 fn estimate(file: &CalibrationFile, arms: &[Arm]) -> Result<Estimate, InputError> {
     let spec = &file.estimate;
-    let names = Names { file, arms };
+    let names = Names {
+        source: &file.source,
+        arms,
+    };
     let mut wanted: Vec<Vec<bool>> = arms
         .iter()
         .map(|arm| vec![false; arm.robot.parameters().len()])
@@ -215,20 +241,8 @@ fn estimate(file: &CalibrationFile, arms: &[Arm]) -> Result<Estimate, InputError
             wanted[r][p] = false;
         }
     }
-    let unit = |(r, p): (usize, usize)| arms[r].robot.parameters()[p].unit();
     let in_unit = |quantity: Quantity, key: (usize, usize), span: &std::ops::Range<usize>| {
-        let dimension = match unit(key) {
-            Unit::Radian => Dimension::Angle,
-            Unit::Meter => Dimension::Length,
-            Unit::One => Dimension::None,
-        };
-        quantity.expect(dimension).map_err(|e| {
-            e.at(
-                &file.source,
-                span.clone(),
-                &arms[key.0].parameter_name(key.1),
-            )
-        })
+        in_unit_of(arms, key, quantity, &file.source, span)
     };
     let mut bounds = BTreeMap::new();
     for (text, bound) in &spec.bounds {
@@ -455,16 +469,13 @@ impl Loader<'_> {
 }
 
 fn known_plane(spec: &ConstraintSpec) -> Plane<f64> {
-    let (normal, distance) = match spec.plane {
-        Some(PlaneSpec::NormalDistance { normal, distance }) => (Vector3::from(normal), distance),
-        // a·x + b·y + c·z + 1 = 0.
-        Some(PlaneSpec::Paper { a, b, c }) => (Vector3::new(a, b, c), -1.0),
-        None => (Vector3::z(), 0.0),
-    };
-    let length = normal.norm();
+    // The file layer requires a plane for this kind.
+    let (normal, distance) = spec
+        .plane
+        .map_or(([0.0, 0.0, 1.0], 0.0), PlaneSpec::normalised);
     Plane {
-        normal: normal / length,
-        distance: distance / length,
+        normal: normal.into(),
+        distance,
     }
 }
 

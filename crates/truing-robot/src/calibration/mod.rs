@@ -7,13 +7,15 @@ mod result;
 mod run;
 mod select;
 mod start;
-mod structure;
 
 pub use assembly::{Assembly, Column, Owner, State};
 pub use load::load;
+pub(crate) use load::{Names, in_unit_of, read_arms};
 pub use measurement::{Arm, Groups, Measured, MeasurementSet, Sigma};
 pub use result::{
     CalibrationResult, ErrorSummary, FrameEstimate, ParameterResult, PlaneEstimate, PointEstimate,
     SetResult, Status, TargetEstimate, TerminationReport,
 };
 pub use run::{Calibration, Estimate, Outcome, Stage};
+pub use select::{Choice, default_preference, in_order, select};
+pub use start::{best_fit_plane, rigid_registration, start};

@@ -1,10 +1,12 @@
 //! Which columns can be estimated: structure first, then what the data excite.
 
 use super::assembly::{Assembly, Owner, State};
-use super::measurement::{Arm, MeasurementSet};
-use super::structure::structural_twin;
+use super::measurement::{Arm, Measured, MeasurementSet};
 use crate::constraint::Derivatives;
 use crate::error::Error;
+use crate::simulate::{Sampling, sample};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
 use truing::identifiability::{ColumnStatus, base_columns};
 use truing::nalgebra::DMatrix;
 use truing::{LeastSquares, Linearization, step};
@@ -15,6 +17,36 @@ const STRUCTURE: f64 = 1e-5;
 
 /// What is left of a scaled column at the data's own configurations, below which they do not move it.
 const EXCITATION: f64 = 1e-7;
+
+/// How many rows of measurements each set of the structural twin has, about.
+const POSTURES: usize = 120;
+
+/// The structural twin of a calibration: sets like the given ones, at random postures that satisfy
+/// their constraints exactly at `state`, where rank is a property of the robot and not of the noise.
+/// Half of the postures start between the joint limits, half near the data's own, so that a plane
+/// in a corner of the workspace is reached too. The same data always give the same twin.
+fn structural_twin(
+    arms: &[Arm],
+    sets: &[MeasurementSet],
+    state: &State,
+) -> Result<Vec<MeasurementSet>, Error> {
+    let twin = |(k, set): (usize, &MeasurementSet)| {
+        let groups = match &set.measured {
+            Measured::UnknownPlane(groups) | Measured::SamePoint(groups) => {
+                groups.names.len().max(1)
+            }
+            _ => 1,
+        };
+        let sampling = Sampling {
+            count: POSTURES.div_ceil(groups).max(12),
+            noise: None,
+            near: Some(set),
+        };
+        let mut rng = ChaCha8Rng::seed_from_u64(1996 + k as u64);
+        sample(arms, k, set, state, &sampling, &mut rng)
+    };
+    sets.iter().enumerate().map(twin).collect()
+}
 
 /// What becomes of a column in the estimate.
 #[derive(Debug, Clone, PartialEq)]

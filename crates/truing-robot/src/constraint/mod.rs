@@ -1,8 +1,8 @@
 //! The kinds of measurements: one file a kind.
 //!
-//! Every kind differentiates only its small function of tool points, planes and frames with
-//! `num-dual`; the chain rule through the [`Regressor`] does the rest, with whichever
-//! [`Derivatives`] the robot's [`Chain`] was given.
+//! Every kind differentiates only its small function of tool points, planes and frames, with
+//! `num-dual` or in a line by hand; the chain rule through the [`Regressor`] does the rest, with
+//! whichever [`Derivatives`] the robot's [`Chain`] was given.
 
 mod distance;
 mod known_plane;
@@ -125,26 +125,20 @@ fn regressor_at<'m, V: Vars>(
     regressor
 }
 
-/// A pose moved by a small translation and, on its own side, a small rotation, as [`truing::manifold::Pose3`] moves.
-fn moved_pose<T: Scalar>(pose: &Pose<f64>, delta: &[T]) -> Pose<T> {
-    let translation = Vector3::new(
-        delta[0] + pose.translation.x,
-        delta[1] + pose.translation.y,
-        delta[2] + pose.translation.z,
-    );
-    let turn = truing::manifold::so3::exp_matrix(&delta[3..6]);
-    Pose {
-        rotation: lift::<T>(&pose.rotation) * turn,
-        translation,
-    }
-}
-
-/// A matrix of numbers as one of scalars.
-fn lift<T: Scalar>(m: &Matrix3<f64>) -> Matrix3<T> {
-    m.map(T::from)
-}
-
-/// Transposed matrix times vector.
-fn transposed<T: Scalar>(m: &Matrix3<T>, v: &Vector3<T>) -> Vector3<T> {
-    m.transpose() * v
+/// A tool point as a sensor sees it, seen = Rᵀ(p − t) with R and t the sensor's pose, and its
+/// derivatives by p (3 × 3) and by the sensor's tangent (3 × 6).
+///
+/// ∂seen/∂p = Rᵀ, ∂seen/∂t = −Rᵀ, and ∂seen/∂ω = seen× because R moves to R·exp(ω).
+fn seen_by(
+    sensor: &Pose<f64>,
+    tip: &Vector3<f64>,
+) -> (Vector3<f64>, Matrix3<f64>, SMatrix<f64, 3, 6>) {
+    let by_tip = sensor.rotation.transpose();
+    let seen = by_tip * (tip - sensor.translation);
+    let mut by_sensor = SMatrix::<f64, 3, 6>::zeros();
+    by_sensor.fixed_columns_mut::<3>(0).copy_from(&-by_tip);
+    by_sensor
+        .fixed_columns_mut::<3>(3)
+        .copy_from(&seen.cross_matrix());
+    (seen, by_tip, by_sensor)
 }

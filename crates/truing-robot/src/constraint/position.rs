@@ -1,12 +1,10 @@
 //! A tool point's position, measured by a sensor.
 
-use super::{
-    Chain, moved_pose, reference_or_regressor, regressor_at, transposed, write_block, write_tip,
-};
+use super::{Chain, reference_or_regressor, regressor_at, seen_by, write_block, write_tip};
 use std::sync::Arc;
-use truing::manifold::{Point3, Pose, Pose3, Vector};
-use truing::nalgebra::{SMatrix, Vector3};
-use truing::{Constraint, Jacobian, Point, Scalar, Views, autodiff};
+use truing::manifold::{Point3, Pose3, Vector};
+use truing::nalgebra::Vector3;
+use truing::{Constraint, Jacobian, Point, Scalar, Views};
 
 /// The position of a tool point in a sensor's frame: r = S⁻¹ · (base_from_tool · target) − measured [m].
 ///
@@ -23,24 +21,16 @@ pub struct Position {
     pub measured: Vector3<f64>,
 }
 
-fn model<T: Scalar>(tip: &Vector3<T>, sensor: &Pose<T>, measured: &Vector3<f64>, r: &mut [T]) {
-    let seen = transposed(&sensor.rotation, &(tip - sensor.translation));
-    for i in 0..3 {
-        r[i] = seen[i] - measured[i];
-    }
-}
-
 impl Constraint for Position {
     type Vars = (Vector, Pose3, Point3);
     const DIM: usize = 3;
 
     fn residual<T: Scalar>(&self, (robot, sensor, target): Views<'_, Self, T>, r: &mut [T]) {
-        model(
-            &self.chain.tip(robot, &self.q, &target),
-            &sensor,
-            &self.measured,
-            r,
-        );
+        let tip = self.chain.tip(robot, &self.q, &target);
+        let seen = sensor.rotation.transpose() * (tip - sensor.translation);
+        for i in 0..3 {
+            r[i] = seen[i] - self.measured[i];
+        }
     }
 
     fn linearize(&self, at: &mut Point<'_, Self::Vars>, r: &mut [f64], j: &mut Jacobian<'_>) {
@@ -50,25 +40,9 @@ impl Constraint for Position {
         let (parameters, sensor, target) = at.views();
         let regressor = regressor_at(at, source, &self.chain, parameters, &self.q);
         let tip = regressor.tool.apply(&target);
-        let inputs = [tip.x, tip.y, tip.z, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0];
-        let (value, gradient): ([f64; 3], SMatrix<f64, 3, 9>) =
-            autodiff::small(&inputs, |x, out| {
-                model(
-                    &Vector3::new(x[0], x[1], x[2]),
-                    &moved_pose(&sensor, &x[3..9]),
-                    &self.measured,
-                    out,
-                );
-            });
-        r.copy_from_slice(&value);
-        write_tip(
-            j,
-            0,
-            2,
-            regressor,
-            &tip,
-            &gradient.fixed_columns::<3>(0).into_owned(),
-        );
-        write_block(j, 1, &gradient.fixed_columns::<6>(3).into_owned());
+        let (seen, by_tip, by_sensor) = seen_by(&sensor, &tip);
+        r.copy_from_slice((seen - self.measured).as_slice());
+        write_tip(j, 0, 2, regressor, &tip, &by_tip);
+        write_block(j, 1, &by_sensor);
     }
 }

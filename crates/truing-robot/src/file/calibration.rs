@@ -98,7 +98,7 @@ impl CalibrationFile {
 }
 
 /// `[robot]`, or `[robots.left]` and others.
-fn robots(root: &mut Section<'_>, folder: &Path) -> Result<Vec<RobotRef>, InputError> {
+pub(super) fn robots(root: &mut Section<'_>, folder: &Path) -> Result<Vec<RobotRef>, InputError> {
     let one = root.get("robot");
     let several = root.get("robots");
     match (one, several) {
@@ -155,7 +155,15 @@ fn constraints(
     let mut specs = Vec::new();
     for table in root.tables(key)? {
         let mut spec = ConstraintSpec::read(table, source.folder())?;
-        name_robots(&mut spec, source, robots)?;
+        let span = spec.spans.table();
+        name_robots(
+            &mut spec.robot,
+            &mut spec.robots,
+            spec.kind,
+            span,
+            source,
+            robots,
+        )?;
         specs.push(spec);
     }
     Ok(specs)
@@ -179,14 +187,17 @@ fn constraints_without_holdout(
 }
 
 /// Checks the robots of a constraint, and names both where there are just two to measure between.
-fn name_robots(
-    spec: &mut ConstraintSpec,
+pub(super) fn name_robots(
+    one: &mut Option<Spanned<String>>,
+    two: &mut Option<[Spanned<String>; 2]>,
+    kind: Kind,
+    span: Range<usize>,
     source: &Source,
     robots: &[RobotRef],
 ) -> Result<(), InputError> {
     let names: Vec<&str> = robots.iter().map(|robot| robot.name.as_str()).collect();
     let single = names == [""];
-    for name in spec.robot.iter().chain(spec.robots.iter().flatten()) {
+    for name in one.iter().chain(two.iter().flatten()) {
         if single {
             return Err(source
                 .error_at(
@@ -209,20 +220,19 @@ fn name_robots(
                 .with_help(suggest(&name.value, &names)));
         }
     }
-    if names.len() < 2 || spec.robot.is_some() || spec.robots.is_some() {
+    if names.len() < 2 || one.is_some() || two.is_some() {
         return Ok(());
     }
-    let span = spec.spans.table();
-    if let (Kind::Distance, [first, second]) = (spec.kind, names.as_slice()) {
+    if let (Kind::Distance, [first, second]) = (kind, names.as_slice()) {
         let name = |name: &str| Spanned::new(name.to_owned(), span.clone());
-        spec.robots = Some([name(first), name(second)]);
+        *two = Some([name(first), name(second)]);
         return Ok(());
     }
     let message = format!(
         "this does not say which robot it is about: {}",
         one_of(&names)
     );
-    Err(source.error_at(span, message).with_help(match spec.kind {
+    Err(source.error_at(span, message).with_help(match kind {
         Kind::Distance => "add robots = [\"…\", \"…\"], or robot = \"…\" for two postures",
         _ => "add robot = \"…\"",
     }))

@@ -59,7 +59,7 @@ impl Kind {
         Self::ALL.into_iter().find(|kind| kind.name() == name)
     }
 
-    fn read(item: &Item<'_>) -> Result<Self, InputError> {
+    pub(super) fn read(item: &Item<'_>) -> Result<Self, InputError> {
         let name = item.string()?.value;
         Self::from_name(&name).ok_or_else(|| {
             let names = Self::ALL.map(Self::name);
@@ -134,6 +134,20 @@ pub enum PlaneSpec {
         /// Coefficient of z.
         c: f64,
     },
+}
+
+impl PlaneSpec {
+    /// Unit normal and distance along it \[m\].
+    #[must_use]
+    pub fn normalised(self) -> ([f64; 3], f64) {
+        let (normal, distance) = match self {
+            Self::NormalDistance { normal, distance } => (normal, distance),
+            // a·x + b·y + c·z + 1 = 0.
+            Self::Paper { a, b, c } => ([a, b, c], -1.0),
+        };
+        let length = normal.iter().fold(0.0f64, |norm, n| norm.hypot(*n));
+        (normal.map(|n| n / length), distance / length)
+    }
 }
 
 /// The distance of a `distance` constraint.

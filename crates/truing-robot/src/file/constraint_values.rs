@@ -132,23 +132,31 @@ fn guess<'a>(table: &mut Section<'a>, key: &str, of: &str) -> Result<Option<Item
 
 /// `target_guess = [x, y, z]`.
 pub(super) fn target_guess(table: &mut Section<'_>) -> Result<Option<[Quantity; 3]>, InputError> {
-    let Some(item) = guess(table, "target_guess", "target")? else {
-        return Ok(None);
-    };
+    guess(table, "target_guess", "target")?
+        .map(|item| point(&item))
+        .transpose()
+}
+
+/// `[x, y, z]`, lengths.
+pub(super) fn point(item: &Item<'_>) -> Result<[Quantity; 3], InputError> {
     let mut point = [Quantity::bare(0.0); 3];
     let items: [Item<'_>; 3] = item.list_of("[x, y, z]")?;
     for (coordinate, item) in point.iter_mut().zip(&items) {
         item.in_units(Dimension::Length, &Units::SI)?;
         *coordinate = item.quantity()?.value;
     }
-    Ok(Some(point))
+    Ok(point)
 }
 
 /// `frame_guess = [x, y, z, qw, qx, qy, qz]`, the quaternion brought to length one.
 pub(super) fn frame_guess(table: &mut Section<'_>) -> Result<Option<[f64; 7]>, InputError> {
-    let Some(item) = guess(table, "frame_guess", "frame")? else {
-        return Ok(None);
-    };
+    guess(table, "frame_guess", "frame")?
+        .map(|item| pose(&item))
+        .transpose()
+}
+
+/// `[x, y, z, qw, qx, qy, qz]`, the quaternion brought to length one.
+pub(super) fn pose(item: &Item<'_>) -> Result<[f64; 7], InputError> {
     let items: [Item<'_>; 7] = item.list_of("[x, y, z, qw, qx, qy, qz]")?;
     let mut pose = [0.0; 7];
     for (i, (number, item)) in pose.iter_mut().zip(&items).enumerate() {
@@ -169,16 +177,22 @@ pub(super) fn frame_guess(table: &mut Section<'_>) -> Result<Option<[f64; 7]>, I
     for number in quaternion {
         *number /= norm;
     }
-    Ok(Some(pose))
+    Ok(pose)
 }
 
 /// `{ normal = [0, 0, 1], distance = 0.4 }` or `{ a = 0.3, b = -0.5, c = -1.1 }`.
 pub(super) fn plane(table: &mut Section<'_>, kind: Kind) -> Result<Option<PlaneSpec>, InputError> {
-    const EXPECTED: &str = "expected { normal = [0, 0, 1], distance = 0.4 } or { a, b, c }";
     if kind != Kind::KnownPlane {
         return Ok(None);
     }
-    let item = table.require("plane", EXPECTED)?;
+    let item = table.require("plane", PLANE_EXPECTED)?;
+    plane_of(&item).map(Some)
+}
+
+const PLANE_EXPECTED: &str = "expected { normal = [0, 0, 1], distance = 0.4 } or { a, b, c }";
+
+/// A plane in one of its two forms.
+pub(super) fn plane_of(item: &Item<'_>) -> Result<PlaneSpec, InputError> {
     let mut table = item.table()?;
     let paper = ["a", "b", "c"];
     let by_paper = paper.iter().any(|key| table.peek(key).is_some());
@@ -187,7 +201,7 @@ pub(super) fn plane(table: &mut Section<'_>, kind: Kind) -> Result<Option<PlaneS
         .any(|key| table.peek(key).is_some());
     if by_paper && by_normal {
         return Err(item
-            .error(format!("found both forms of a plane; {EXPECTED}"))
+            .error(format!("found both forms of a plane; {PLANE_EXPECTED}"))
             .with_help("keep either `normal` and `distance`, or `a`, `b` and `c`"));
     }
     let (plane, normal) = if by_paper {
@@ -213,7 +227,7 @@ pub(super) fn plane(table: &mut Section<'_>, kind: Kind) -> Result<Option<PlaneS
     // What is not zero must also have a length that is neither zero nor infinite.
     let norm = normal.iter().fold(0.0f64, |norm, n| norm.hypot(*n));
     if norm.is_normal() {
-        return Ok(Some(plane));
+        return Ok(plane);
     }
     Err(item
         .error("the plane has no direction; expected a normal that is not zero")

@@ -17,6 +17,7 @@ mod robot_text;
 mod section;
 mod selection;
 mod selection_syntax;
+mod simulation;
 mod table;
 
 pub use calibration::{CalibrationFile, RobotRef};
@@ -32,4 +33,5 @@ pub use quantity::{Dimension, Quantity, Units};
 pub use robot::{JointKind, JointRow, RobotFile};
 pub use section::{Document, Section, Spanned, Spans};
 pub use selection::Selection;
+pub use simulation::{ErrorSpec, PlacesSpec, SimulationFile, SimulationSpec};
 pub use table::Table;

@@ -114,7 +114,7 @@ fn polish(
         y[inactive[i]] = -(small[(i, m)] + known) / small[(i, i)];
     }
     let inside = y.iter().zip(lower.iter().zip(upper)).all(|(y, (l, u))| {
-        let slack = 1e-9 * (u - l).min(1.0).max(f64::MIN_POSITIVE);
+        let slack = 1e-9 * (u - l).clamp(f64::MIN_POSITIVE, 1.0);
         y.is_finite() && *y >= l - slack && *y <= u + slack
     });
     inside.then(|| {

@@ -1,0 +1,138 @@
+//! `truing simulate`.
+
+use crate::args::Simulate;
+use crate::failure::{Failure, Files};
+use crate::{Ending, Streams, output};
+use std::path::PathBuf;
+use truing_robot::file::SimulationFile;
+use truing_robot::simulate::{Simulated, simulate};
+
+/// Runs a simulation file.
+pub fn run(arguments: &Simulate, streams: &Streams) -> Result<Ending, Failure> {
+    output::check(&arguments.output, arguments.force)?;
+    let file = SimulationFile::read(&arguments.file)?;
+    let simulated = simulate(&file, arguments.seed)?;
+    let seed = arguments.seed.unwrap_or(file.seed);
+    let robots = simulated.true_robots();
+    let named = |stem: &str, name: &str| {
+        if name.is_empty() {
+            format!("{stem}.toml")
+        } else {
+            format!("{stem}-{name}.toml")
+        }
+    };
+    let mut files: Files = Vec::new();
+    let mut nominal = Vec::new();
+    for (arm, (name, truth)) in simulated.arms.iter().zip(robots) {
+        let made = format!("seed {seed} of {}", file_name(&arguments.file));
+        let file = named("robot", &name);
+        let given = arm.robot.with_parameters(&arm.robot.nominal());
+        files.push((
+            PathBuf::from(&file),
+            given.to_toml(&format!("Nominal robot of simulation {made}.")),
+        ));
+        files.push((
+            PathBuf::from(named("true-robot", &name)),
+            truth.to_toml(&format!("True robot of simulation {made}.")),
+        ));
+        nominal.push(file);
+    }
+    for (k, name) in simulated.files.iter().enumerate() {
+        files.push((PathBuf::from(name), simulated.csv(k)));
+    }
+    files.push((
+        PathBuf::from("calibration.toml"),
+        simulated.calibration_toml(&nominal),
+    ));
+    let truth = serde_json::to_string_pretty(&truth(&simulated)).map_err(|e| {
+        Failure::new(
+            format!("cannot write the truth as JSON: {e}"),
+            "report this with the simulation file",
+        )
+    })?;
+    files.push((PathBuf::from("truth.json"), truth.clone() + "\n"));
+    check_names(&files, &arguments.file)?;
+    let written = output::write(&arguments.output, &files)?;
+    for set in &simulated.sets {
+        streams.say(&format!(
+            "{}: {} measurements of kind {}\n",
+            set.name,
+            set.len(),
+            set.measured.kind()
+        ));
+    }
+    for path in written {
+        streams.say(&format!("wrote {}\n", path.display()));
+    }
+    if streams.json {
+        streams.print(&(truth + "\n"));
+    }
+    Ok(Ending::Good)
+}
+
+fn file_name(path: &std::path::Path) -> String {
+    path.file_name().map_or_else(
+        || path.display().to_string(),
+        |name| name.to_string_lossy().into_owned(),
+    )
+}
+
+/// Data files must not take the names of the other files.
+fn check_names(files: &Files, source: &std::path::Path) -> Result<(), Failure> {
+    for (k, (path, _)) in files.iter().enumerate() {
+        if files[..k].iter().any(|(other, _)| other == path) {
+            return Err(Failure::new(
+                format!(
+                    "{}: `{}` is also written by the simulation itself",
+                    source.display(),
+                    path.display()
+                ),
+                "give the data file another name",
+            ));
+        }
+    }
+    Ok(())
+}
+
+/// Everything that was simulated, as it truly is.
+fn truth(simulated: &Simulated) -> serde_json::Value {
+    let truth = &simulated.truth;
+    let mut parameters = serde_json::Map::new();
+    for (arm, values) in simulated.arms.iter().zip(&truth.robots) {
+        for (k, value) in values.iter().enumerate() {
+            parameters.insert(arm.parameter_name(k), (*value).into());
+        }
+    }
+    let (mut planes, mut points) = (Vec::new(), Vec::new());
+    for (k, set) in simulated.sets.iter().enumerate() {
+        for (g, plane) in truth.planes[k].iter().enumerate() {
+            planes.push(serde_json::json!({
+                "constraint": set.name, "group": (g + 1).to_string(),
+                "normal": [plane.normal.x, plane.normal.y, plane.normal.z], "distance": plane.distance,
+            }));
+        }
+        for (g, point) in truth.points[k].iter().enumerate() {
+            points.push(serde_json::json!({
+                "constraint": set.name, "group": (g + 1).to_string(), "position": [point.x, point.y, point.z],
+            }));
+        }
+    }
+    let frames: Vec<serde_json::Value> = truth
+        .frames
+        .iter()
+        .map(|(name, pose)| {
+            let t = pose.translation;
+            serde_json::json!({ "name": name, "position": [t.x, t.y, t.z], "quaternion": pose.quaternion() })
+        })
+        .collect();
+    let targets: Vec<serde_json::Value> = truth
+        .targets
+        .iter()
+        .map(|((robot, name), p)| {
+            serde_json::json!({ "name": name, "robot": simulated.arms[*robot].name, "position": [p.x, p.y, p.z] })
+        })
+        .collect();
+    serde_json::json!({
+        "parameters": parameters, "frames": frames, "targets": targets, "planes": planes, "points": points,
+    })
+}

@@ -1,0 +1,7 @@
+//! Simulating robots with known errors, and measurements of them.
+
+mod sample;
+mod scenario;
+
+pub use sample::{Sampling, sample};
+pub use scenario::{Simulated, perturbed, simulate};

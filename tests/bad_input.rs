@@ -128,7 +128,7 @@ fn with_cell(line: usize, column: usize, content: &str) -> Cell {
 fn a_missing_calibration_file_is_named() {
     refused(&Cell::empty())
         .at("calibration.toml", 0)
-        .says(&["does not exist"])
+        .says(&["this file does not exist"])
         .advises("check the path");
 }
 
@@ -207,14 +207,24 @@ fn text_that_is_not_utf_8_is_said_with_its_line() {
 fn bad_toml_is_shown_with_its_line() {
     refused(&with("data = \"tracker.csv\"", "data = tracker.csv"))
         .at("calibration.toml", 6)
+        .says(&["`tracker.csv`", "text in quotes"])
+        .shows("data = tracker.csv")
+        .advises("\"tracker.csv\"");
+    refused(&with("[robot]", "[robot"))
+        .at("calibration.toml", 1)
         .says(&["not TOML"])
-        .shows("data = tracker.csv");
+        .shows("[robot");
+    refused(&with_key("name = "))
+        .at("calibration.toml", 8)
+        .says(&["not TOML"])
+        .shows("name =");
     let cell = Cell::new();
     cell.edit("robot.toml", "d = 0.15\n", "d = 0,15\n");
     refused(&cell)
         .at("robot.toml", 13)
         .says(&["not TOML"])
-        .shows("d = 0,15");
+        .shows("d = 0,15")
+        .advises("decimal point");
 }
 
 #[test]
@@ -344,7 +354,7 @@ fn two_guesses_of_one_frame_must_agree() {
     );
     refused(&cell)
         .at("calibration.toml", 15)
-        .says(&["`f`", "`tracker`", "`tracker-2`"])
+        .says(&["the frame `f`", "`tracker-2` than in `tracker`"])
         .advises("once");
 }
 
@@ -379,7 +389,7 @@ fn two_robots_or_joints_of_one_name_are_refused() {
     let cell = Cell::new();
     cell.edit("robot.toml", "\"elbow\"", "\"waist\"");
     refused(&cell)
-        .at("robot.toml", 26)
+        .at("robot.toml", 25)
         .says(&["a second joint is called `waist`"])
         .advises("its own name");
 }
@@ -431,7 +441,7 @@ fn bounds_that_exclude_the_nominal_value_are_refused() {
         "bounds = { theta2 = [\"1 deg\", \"3 deg\"] }",
     ))
     .at("calibration.toml", 5)
-    .says(&["[1, 3] deg", "0 deg of theta2"])
+    .says(&["[1, 3] deg", "value 0 deg of theta2"])
     .shows("theta2 = ")
     .advises("distance from nominal");
     refused(&with_estimate("bounds = { d3 = [0.1, 0.2] }"))
@@ -460,7 +470,7 @@ fn a_number_of_iterations_below_one_is_refused() {
     for number in ["-5", "0", "1.5"] {
         refused(&with_estimate(&format!("max_iterations = {number}")))
             .at("calibration.toml", 5)
-            .says(&[number, "expected"]);
+            .says(&["`max_iterations`", number, "expected"]);
     }
 }
 
@@ -470,6 +480,10 @@ fn what_this_version_does_not_have_is_said_with_what_it_has() {
         .at("calibration.toml", 5)
         .says(&["analytic"])
         .advises("\"auto\"");
+    refused(&with_estimate("solver = \"dogleg\""))
+        .at("calibration.toml", 5)
+        .says(&["dogleg"])
+        .advises("\"levenberg-marquardt\"");
     refused(&with_estimate("jacobian = \"symbolic\""))
         .at("calibration.toml", 5)
         .says(&["symbolic", "`numeric`"]);
@@ -500,7 +514,7 @@ fn a_missing_column_is_named_with_those_there_are() {
     refused(&cell)
         .at("tracker.csv", 1)
         .says(&["no column for joint `elbow`", "elbwo"])
-        .advises("did you mean `elbwo`?");
+        .advises("columns = { elbow = \"elbwo\" }");
 }
 
 #[test]
@@ -534,6 +548,25 @@ fn a_cell_that_is_not_a_finite_number_is_refused_with_its_line_and_column() {
         .at("tracker.csv", 5)
         .says(&["`1,5`"])
         .advises("decimal point");
+}
+
+#[test]
+fn a_number_that_no_model_can_square_is_refused() {
+    refused(&with_cell(5, 7, "1e200"))
+        .at("tracker.csv", 5)
+        .says(&["column `y`", "`1e200`", "ordinary size"])
+        .advises("unit");
+    refused(&with("\"0.05 mm\"", "1e-200"))
+        .at("calibration.toml", 7)
+        .says(&["`sigma`", "1e-200", "ordinary size"]);
+}
+
+#[test]
+fn a_cell_over_several_lines_is_refused() {
+    refused(&with_cell(5, 7, "\"1"))
+        .at("tracker.csv", 5)
+        .says(&["goes over several lines"])
+        .advises("close the quote");
 }
 
 #[test]
@@ -595,9 +628,11 @@ fn two_columns_of_one_name_are_refused() {
 fn a_unit_that_does_not_measure_the_column_is_refused() {
     let cell = Cell::new();
     cell.edit("tracker.csv", "waist", "waist [mm]");
-    refused(&cell)
-        .at("tracker.csv", 1)
-        .says(&["column `waist`", "a length; expected an angle"]);
+    refused(&cell).at("tracker.csv", 1).says(&[
+        "column `waist`",
+        "`mm` is the unit of a length",
+        "an angle",
+    ]);
     let cell = Cell::new();
     cell.edit("tracker.csv", ",x,", ",x [furlong],");
     refused(&cell)
@@ -721,12 +756,12 @@ fn with_groups(kind: &str, column: &str, labels: &[&str]) -> Cell {
 #[test]
 fn groups_too_small_to_say_anything_are_refused() {
     refused(&with_groups("unknown-plane", "plane", &["wall", "wall"]))
-        .at("tracker.csv", 0)
-        .says(&["fewer than 4 touches", "wall (2)"])
+        .at("tracker.csv", 2)
+        .says(&["plane `wall` has 2 touches; expected at least 4"])
         .advises("at least 4 times");
     refused(&with_groups("same-point", "point", &["a", "b", "c"]))
-        .at("tracker.csv", 0)
-        .says(&["fewer than 2 visits", "a (1), b (1), c (1)"])
+        .at("tracker.csv", 2)
+        .says(&["3 points", "`a` (1), `b` (1), `c` (1); expected at least 2"])
         .advises("at least 2 times");
 }
 
@@ -761,7 +796,8 @@ fn more_unknowns_than_rows_are_refused() {
     let cell = Cell::new();
     cell.write("tracker.csv", positions(&cell.readings(5)));
     refused(&cell)
-        .says(&["unknowns", "15 residual rows"])
+        .at("calibration.toml", 0)
+        .says(&["15 measured values", "unknowns"])
         .advises("more configurations");
 }
 

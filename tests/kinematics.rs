@@ -217,7 +217,7 @@ fn a_planar_arm_is_where_trigonometry_says_in_both_conventions() {
     }
 }
 
-/// Craig, "Introduction to Robotics", 3rd edition, figure 3.21 and equation 3.14.
+/// Craig, "Introduction to Robotics", 3rd edition, section 3.7, equation 3.14.
 #[test]
 fn the_puma_560_is_where_craigs_closed_form_says() {
     let robot = read(
@@ -276,7 +276,7 @@ fn the_puma_560_is_where_craigs_closed_form_says() {
     }
 }
 
-/// Paul, "Robot Manipulators", 1981, section 2.9: a spherical arm with a sliding third joint.
+/// Paul, "Robot Manipulators", 1981, chapter 2: a spherical arm with a sliding third joint.
 #[test]
 fn the_stanford_arm_is_where_pauls_closed_form_says() {
     let robot = read(

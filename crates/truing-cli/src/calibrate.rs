@@ -25,20 +25,19 @@ pub fn run(arguments: &Calibrate, streams: &Streams) -> Result<Ending, Failure> 
         calibration.sets.len(),
         calibration.sets.iter().map(|set| set.len()).sum::<usize>()
     );
-    let outcome = solve(&mut calibration, arguments)?;
+    let outcome =
+        solve(&mut calibration, arguments).map_err(|failure| failure.about(&arguments.file))?;
     streams.say(&show::result(&outcome.result));
-    let result = serde_json::to_string_pretty(&outcome.result).map_err(|e| {
+    let mut result = serde_json::to_string_pretty(&outcome.result).map_err(|e| {
         Failure::new(
             format!("cannot write the result as JSON: {e}"),
             "report this with the calibration file",
         )
     })?;
-    if streams.json {
-        streams.print(&(result.clone() + "\n"));
-    }
+    result.push('\n');
     if let Some(folder) = &arguments.output {
         if outcome.result.trusted || arguments.keep_untrusted {
-            let written = output::write(folder, &files(&outcome, &arguments.file, result + "\n"))?;
+            let written = output::write(folder, &files(&outcome, &arguments.file, &result))?;
             for path in written {
                 streams.say(&format!("wrote {}\n", path.display()));
             }
@@ -48,6 +47,9 @@ pub fn run(arguments: &Calibrate, streams: &Streams) -> Result<Ending, Failure> 
                 folder.display()
             ));
         }
+    }
+    if streams.json {
+        streams.print(&result);
     }
     Ok(if outcome.result.trusted {
         Ending::Good
@@ -91,8 +93,8 @@ fn solve(calibration: &mut Calibration, arguments: &Calibrate) -> Result<Outcome
     Ok(outcome?)
 }
 
-fn files(outcome: &Outcome, source: &std::path::Path, result: String) -> Files {
-    let mut files = vec![(PathBuf::from("result.json"), result)];
+fn files(outcome: &Outcome, source: &std::path::Path, result: &str) -> Files {
+    let mut files = vec![(PathBuf::from("result.json"), result.to_owned())];
     for (name, robot) in &outcome.robots {
         let path = if name.is_empty() {
             "robot.toml".to_owned()

@@ -78,5 +78,5 @@ fn report(failure: &Failure, streams: &Streams) {
     if streams.json {
         streams.print(&(failure.json() + "\n"));
     }
-    eprintln!("{}", failure::Shown(failure));
+    eprint!("{}", failure::Shown(failure));
 }

@@ -248,8 +248,14 @@ pub fn result(result: &CalibrationResult) -> String {
     );
     let _ = writeln!(
         out,
-        "{} after {} iterations, cost {:.6e} → {:.6e}",
-        result.termination.message, result.iterations, result.initial_cost, result.cost
+        "{}\n{}, cost {:.6e} → {:.6e}",
+        result.termination.message,
+        match result.iterations {
+            1 => "1 iteration".to_owned(),
+            n => format!("{n} iterations"),
+        },
+        result.initial_cost,
+        result.cost
     );
     for warning in &result.warnings {
         let _ = writeln!(out, "warning: {warning}");

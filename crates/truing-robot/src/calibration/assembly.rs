@@ -41,6 +41,17 @@ impl State {
         }
     }
 
+    /// The second tool point of a distance: the other robot's, or the same in its second posture.
+    pub fn second_target(&self, set: &MeasurementSet) -> Vector3<f64> {
+        match (&set.measured, &set.other_target) {
+            (Measured::Distance { other: Some(b), .. }, Some(name)) => {
+                self.targets.get(&(*b, name.clone())).copied().unwrap_or_default()
+            }
+            (Measured::Distance { other: None, .. }, _) => self.target(set),
+            _ => Vector3::zeros(),
+        }
+    }
+
     /// The sensor pose of a set: its frame, or the reference frame.
     pub fn sensor(&self, set: &MeasurementSet) -> Pose<f64> {
         set.frame
@@ -156,22 +167,15 @@ impl Assembly {
                     );
                 }
             }
-            if let Some(name) = &set.target {
-                let key = (set.robot, name.clone());
+            for key in set.targets() {
                 if !a.targets.contains_key(&key) {
-                    let var = a.problem.add_variable::<Point3>(name, &state.target(set));
+                    let (robot, name) = key.clone();
+                    let value = state.targets.get(&key).copied().unwrap_or_default();
+                    let var = a.problem.add_variable::<Point3>(&name, &value);
                     a.targets.insert(key, var);
-                    let prefix = &arms[set.robot].name;
-                    let full = if prefix.is_empty() {
-                        name.clone()
-                    } else {
-                        format!("{prefix}.{name}")
-                    };
-                    a.name_columns(
-                        &Owner::Target(set.robot, name.clone()),
-                        &full,
-                        &["x", "y", "z"],
-                    );
+                    let prefix = &arms[robot].name;
+                    let full = if prefix.is_empty() { name.clone() } else { format!("{prefix}.{name}") };
+                    a.name_columns(&Owner::Target(robot, name), &full, &["x", "y", "z"]);
                 }
             }
         }
@@ -339,8 +343,12 @@ impl Assembly {
                 match other {
                     Some(b) => {
                         let other = self.robots[*b];
+                        let other_target = match &set.other_target {
+                            Some(name) => self.targets[&(*b, name.clone())],
+                            None => other_origin,
+                        };
                         batch!(
-                            |row, q| (robot, target, other, other_origin, distance),
+                            |row, q| (robot, target, other, other_target, distance),
                             Distance {
                                 a: chain.clone(),
                                 b: chains[*b].clone(),

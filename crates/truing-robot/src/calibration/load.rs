@@ -11,7 +11,8 @@ use crate::file::{
 };
 use crate::kinematics::{JointKind, ParameterKind, Robot, Unit};
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
 use truing::manifold::{Plane, Pose, so3};
 use truing::nalgebra::Vector3;
 use truing::{Loss, Method, Settings, Tolerances};
@@ -75,11 +76,8 @@ pub fn load(file: &CalibrationFile) -> Result<Calibration, Error> {
 /// Reads robots from their files.
 pub(crate) fn read_arms(robots: &[RobotRef], source: &Source) -> Result<Vec<Arm>, InputError> {
     let read = |robot: &RobotRef| {
-        let file = RobotFile::read(&robot.file).map_err(|error| match error.text {
-            // The robot file could not be read at all: the name in the other file is the place.
-            None if error.line.is_none() => error.moved_to(source, robot.span.clone()),
-            _ => error,
-        })?;
+        let file = RobotFile::read(&robot.file)
+            .map_err(|error| shown_where_named(error, &robot.file, source, robot.span.clone()))?;
         Ok(Arm {
             name: robot.name.clone(),
             robot: Robot::new(&file),
@@ -88,19 +86,43 @@ pub(crate) fn read_arms(robots: &[RobotRef], source: &Source) -> Result<Vec<Arm>
     robots.iter().map(read).collect()
 }
 
+/// A file that is not there is an error of the file that names it; what is wrong inside stays there.
+fn shown_where_named(
+    error: InputError,
+    path: &Path,
+    source: &Source,
+    span: Range<usize>,
+) -> InputError {
+    let found = if path.is_dir() {
+        "is a folder; expected a file"
+    } else if path.exists() {
+        return error;
+    } else {
+        "does not exist"
+    };
+    source
+        .error_at(span, format!("{} {found}", path.display()))
+        .with_help("check the path: one inside a file is relative to that file's folder")
+}
+
+/// The dimension of a unit.
+fn dimension_of(unit: Unit) -> Dimension {
+    match unit {
+        Unit::Radian => Dimension::Angle,
+        Unit::Meter => Dimension::Length,
+        Unit::One => Dimension::None,
+    }
+}
+
 /// A quantity in the unit of a parameter [m, rad or 1].
 pub(crate) fn in_unit_of(
     arms: &[Arm],
     (robot, parameter): (usize, usize),
     quantity: Quantity,
     source: &Source,
-    span: &std::ops::Range<usize>,
+    span: &Range<usize>,
 ) -> Result<f64, InputError> {
-    let dimension = match arms[robot].robot.parameters()[parameter].unit() {
-        Unit::Radian => Dimension::Angle,
-        Unit::Meter => Dimension::Length,
-        Unit::One => Dimension::None,
-    };
+    let dimension = dimension_of(arms[robot].robot.parameters()[parameter].unit());
     quantity
         .expect(dimension)
         .map_err(|e| e.at(source, span.clone(), &arms[robot].parameter_name(parameter)))
@@ -109,32 +131,30 @@ pub(crate) fn in_unit_of(
 /// Two sets that share a frame or a tool point cannot start it at two places.
 fn check_guesses(file: &CalibrationFile, sets: &[MeasurementSet]) -> Result<(), InputError> {
     for (k, set) in sets.iter().enumerate() {
-        for (other, spec) in sets[..k].iter().zip(&file.constraints) {
-            let frames = set.frame.is_some() && set.frame == other.frame;
-            let targets =
-                set.target.is_some() && (set.robot, &set.target) == (other.robot, &other.target);
-            let frame_differs = set.frame_guess.is_some()
+        for other in &sets[..k] {
+            let frames = set.frame.is_some()
+                && set.frame == other.frame
+                && set.frame_guess.is_some()
                 && other.frame_guess.is_some()
                 && set.frame_guess != other.frame_guess;
-            let target_differs = set.target_guess.is_some()
+            let targets = set.target.is_some()
+                && (set.robot, &set.target) == (other.robot, &other.target)
+                && set.target_guess.is_some()
                 && other.target_guess.is_some()
                 && set.target_guess != other.target_guess;
-            if (frames && frame_differs) || (targets && target_differs) {
-                let key = if frames && frame_differs {
-                    "frame_guess"
-                } else {
-                    "target_guess"
-                };
-                return Err(file
-                    .error_at(
-                        spec.span_of(key),
-                        format!(
-                            "`{}` and `{}` share it but guess it differently",
-                            other.name, set.name
-                        ),
-                    )
-                    .with_help("give the guess once, or use two names"));
-            }
+            let (what, name, key) = match (frames, targets) {
+                (true, _) => ("frame", &set.frame, "frame_guess"),
+                (_, true) => ("tool point", &set.target, "target_guess"),
+                _ => continue,
+            };
+            let name = name.as_deref().unwrap_or_default();
+            let message = format!(
+                "the {what} `{name}` starts elsewhere in `{}` than in `{}`",
+                set.name, other.name
+            );
+            return Err(file
+                .error_at(file.constraints[k].span_of(key), message)
+                .with_help(format!("give the guess once, or name two {what}s")));
         }
     }
     Ok(())
@@ -147,6 +167,24 @@ pub(crate) struct Names<'a> {
 }
 
 impl Names<'_> {
+    /// The parameters that a name, pattern or word means and whose unit the quantity has: `"a*"`
+    /// with a length means the lengths `a2`, `a3`, … and not the angles `alpha2`, `alpha3`, …. If
+    /// none has it, all that are meant, for the error to name one.
+    pub fn find_like(
+        &self,
+        text: &Spanned<String>,
+        quantity: Quantity,
+    ) -> Result<Vec<(usize, usize)>, InputError> {
+        let found = self.find(text)?;
+        let alike = |(r, p): &(usize, usize)| {
+            quantity.dimension.is_none_or(|dimension| {
+                dimension == dimension_of(self.arms[*r].robot.parameters()[*p].unit())
+            })
+        };
+        let like: Vec<(usize, usize)> = found.iter().copied().filter(alike).collect();
+        Ok(if like.is_empty() { found } else { like })
+    }
+
     /// The parameters that a name, pattern or word means, in their order.
     pub fn find(&self, text: &Spanned<String>) -> Result<Vec<(usize, usize)>, InputError> {
         let all: Vec<(usize, usize)> = self
@@ -210,6 +248,13 @@ impl Names<'_> {
     }
 }
 
+/// A number to six places, without zeros at the end.
+fn plain(x: f64) -> String {
+    let text = format!("{x:.6}");
+    let text = text.trim_end_matches('0').trim_end_matches('.');
+    if text == "-0" { "0" } else { text }.to_owned()
+}
+
 /// A list of names, shortened where it is long.
 fn listed(names: &[String]) -> String {
     let shown: Vec<&str> = names.iter().take(12).map(String::as_str).collect();
@@ -241,12 +286,16 @@ fn estimate(file: &CalibrationFile, arms: &[Arm]) -> Result<Estimate, InputError
             wanted[r][p] = false;
         }
     }
-    let in_unit = |quantity: Quantity, key: (usize, usize), span: &std::ops::Range<usize>| {
+    let in_unit = |quantity: Quantity, key: (usize, usize), span: &Range<usize>| {
         in_unit_of(arms, key, quantity, &file.source, span)
     };
     let mut bounds = BTreeMap::new();
     for (text, bound) in &spec.bounds {
-        for key in names.find(text)? {
+        let example = match bound {
+            BoundSpec::Around(width) => *width,
+            BoundSpec::Range(lower, _) => *lower,
+        };
+        for key in names.find_like(text, example)? {
             let nominal = arms[key.0].robot.parameters()[key.1].nominal;
             let (lower, upper) = match bound {
                 BoundSpec::Around(width) => {
@@ -258,23 +307,32 @@ fn estimate(file: &CalibrationFile, arms: &[Arm]) -> Result<Estimate, InputError
                     in_unit(*upper, key, &text.span)? - nominal,
                 ),
             };
-            if !(lower <= 0.0 && upper >= 0.0) {
+            // A bound at the nominal value may miss it by the rounding of its unit.
+            let rounding = 4.0 * f64::EPSILON * nominal.abs();
+            if !(lower <= rounding && upper >= -rounding) {
+                let (factor, symbol) = match arms[key.0].robot.parameters()[key.1].unit() {
+                    Unit::Radian => (1f64.to_degrees(), " deg"),
+                    Unit::Meter => (1e3, " mm"),
+                    Unit::One => (1.0, ""),
+                };
+                let shown = |x: f64| plain(x * factor);
                 let message = format!(
-                    "the bounds [{}, {}] exclude the nominal value {nominal} of {}",
-                    lower + nominal,
-                    upper + nominal,
+                    "the bounds [{}, {}]{symbol} exclude the nominal value {}{symbol} of {}",
+                    shown(lower + nominal),
+                    shown(upper + nominal),
+                    shown(nominal),
                     arms[key.0].parameter_name(key.1)
                 );
                 return Err(file.error_at(text.span.clone(), message).with_help(
                     "widen the bounds, or give a distance from nominal, like \"5 mm\"",
                 ));
             }
-            bounds.insert(key, (lower, upper));
+            bounds.insert(key, (lower.min(0.0), upper.max(0.0)));
         }
     }
     let mut priors = BTreeMap::new();
     for (text, sigma) in &spec.prior {
-        for key in names.find(text)? {
+        for key in names.find_like(text, *sigma)? {
             priors.insert(key, in_unit(*sigma, key, &text.span)?);
         }
     }
@@ -367,11 +425,8 @@ impl Loader<'_> {
     fn set(&mut self, spec: &ConstraintSpec) -> Result<MeasurementSet, InputError> {
         if !self.tables.contains_key(&spec.data) {
             let table = Table::read(&spec.data).map_err(|error| {
-                if error.line.is_none() && error.text.is_none() && !spec.data.exists() {
-                    error.moved_to(&self.file.source, spec.span_of("data"))
-                } else {
-                    error
-                }
+                let span = spec.span_of("data");
+                shown_where_named(error, &spec.data, &self.file.source, span)
             })?;
             self.tables.insert(spec.data.clone(), table);
         }
@@ -395,6 +450,7 @@ impl Loader<'_> {
             .map(|robots| &robots[0])
             .or(spec.robot.as_ref());
         let robot = self.robot_number(first)?;
+        data.check_columns(self.arms)?;
         let q = data.joints(&self.arms[robot], "")?;
         let measured = match spec.kind {
             Kind::Position => Measured::Position(data.points()?),
@@ -440,6 +496,31 @@ impl Loader<'_> {
                 }
             }
         };
+        let two = matches!(&measured, Measured::Distance { other: Some(_), .. });
+        let (wrong, help) = if two {
+            (
+                "target",
+                "there are two robots: write targets = [\"…\", \"…\"]",
+            )
+        } else {
+            ("targets", "there is one robot: write target = \"…\"")
+        };
+        if (if two {
+            spec.target.is_some()
+        } else {
+            spec.targets.is_some()
+        }) {
+            let message = format!("`{wrong}` does not fit this distance");
+            return Err(self
+                .file
+                .error_at(spec.span_of(wrong), message)
+                .with_help(help));
+        }
+        let target = spec
+            .targets
+            .as_ref()
+            .map(|names| &names[0])
+            .or(spec.target.as_ref());
         let sigma = data.sigmas()?;
         let loss = match spec.loss {
             LossSpec::Trivial => Loss::Trivial,
@@ -452,7 +533,8 @@ impl Loader<'_> {
             measured,
             sigma,
             loss,
-            target: spec.target.as_ref().map(|t| t.value.clone()),
+            target: target.map(|t| t.value.clone()),
+            other_target: spec.targets.as_ref().map(|names| names[1].value.clone()),
             target_guess: spec
                 .target_guess
                 .map(|g| Vector3::new(g[0].value, g[1].value, g[2].value)),
@@ -479,9 +561,30 @@ fn known_plane(spec: &ConstraintSpec) -> Plane<f64> {
     }
 }
 
+/// The names of the columns that a joint may have, the preferred first; `suffix` marks a second posture.
+fn joint_columns(arm: &Arm, joint: usize, suffix: &str) -> Vec<String> {
+    let mut names = Vec::new();
+    for name in [
+        format!("{}{suffix}", arm.robot.joints()[joint].name),
+        format!("q{}{suffix}", joint + 1),
+    ] {
+        if !arm.name.is_empty() {
+            names.push(format!("{}.{name}", arm.name));
+            names.push(format!("{}_{name}", arm.name));
+        }
+        names.push(name);
+    }
+    names
+}
+
+/// Whether a standard deviation [m or rad] can weigh a measurement: not zero, nor so small or large that weights overflow.
+fn ordinary(sigma: f64) -> bool {
+    (1e-12..=1e12).contains(&sigma)
+}
+
 impl Data<'_> {
     /// The column a quantity is read from: as mapped, or of its own name.
-    fn column(&self, name: &str) -> (String, Option<std::ops::Range<usize>>) {
+    fn column(&self, name: &str) -> (String, Option<Range<usize>>) {
         match self.spec.columns.iter().find(|(from, _)| from == name) {
             Some((_, to)) => (to.value.clone(), Some(to.span.clone())),
             None => (name.to_owned(), None),
@@ -513,17 +616,7 @@ impl Data<'_> {
             } else {
                 Dimension::Angle
             };
-            let mut candidates = Vec::new();
-            for name in [
-                format!("{}{suffix}", joint.name),
-                format!("q{}{suffix}", k + 1),
-            ] {
-                if !arm.name.is_empty() {
-                    candidates.push(format!("{}.{name}", arm.name));
-                    candidates.push(format!("{}_{name}", arm.name));
-                }
-                candidates.push(name);
-            }
+            let candidates = joint_columns(arm, k, suffix);
             let mapped = candidates
                 .iter()
                 .find(|name| self.spec.columns.iter().any(|(from, _)| from == *name));
@@ -534,17 +627,27 @@ impl Data<'_> {
                 (None, None) => {
                     let columns: Vec<String> =
                         self.table.column_names().map(str::to_owned).collect();
-                    let wanted = &candidates[0];
-                    let near = nearest(wanted, columns.iter().map(String::as_str));
-                    let hint =
-                        near.map_or_else(String::new, |near| format!("did you mean `{near}`? "));
-                    return Err(InputError::new(
-                        self.table.path(),
-                        format!("there is no column for joint `{}{suffix}`; the columns are {}", joint.name, listed(&columns)),
-                    )
+                    let wanted = match candidates[0]
+                        .contains(|c: char| !(c.is_ascii_alphanumeric() || "_-".contains(c)))
+                    {
+                        true => format!("\"{}\"", candidates[0]),
+                        false => candidates[0].clone(),
+                    };
+                    // A column that is another joint's is not this one's with a slip of the pen.
+                    let joints = 0..arm.robot.joints().len();
+                    let taken: Vec<String> =
+                        joints.flat_map(|k| joint_columns(arm, k, "")).collect();
+                    let free = columns.iter().filter(|column| !taken.contains(column));
+                    let near = nearest(&candidates[0], free.map(String::as_str));
+                    let column = near.unwrap_or("…");
+                    return Err(self.table.header_error(format!(
+                        "there is no column for joint `{}{suffix}`; the columns are {}",
+                        joint.name,
+                        listed(&columns)
+                    ))
                     .with_help(format!(
-                        "{hint}name the column in the calibration file, columns = {{ \"{wanted}\" = \"…\" }}, \
-                         or give the joint a `value` in the robot file if it is parked"
+                        "say in the calibration file which it is, columns = {{ {wanted} = \"{column}\" }}; \
+                         if the joint is parked, give it a `value` in the robot file"
                     )));
                 }
             };
@@ -553,6 +656,50 @@ impl Data<'_> {
             }
         }
         Ok(q)
+    }
+
+    /// Every name in `columns` must be one that is read.
+    fn check_columns(&self, arms: &[Arm]) -> Result<(), InputError> {
+        let measured = [
+            "x", "y", "z", "qw", "qx", "qy", "qz", "sigma", "plane", "point",
+        ];
+        let mut known: Vec<String> = measured.map(str::to_owned).to_vec();
+        known.extend(self.spec.group.iter().cloned());
+        for arm in arms {
+            for k in 0..arm.robot.joints().len() {
+                known.extend(joint_columns(arm, k, ""));
+                if self.spec.kind == Kind::Distance {
+                    known.extend(joint_columns(arm, k, "b"));
+                }
+            }
+        }
+        let unknown = self
+            .spec
+            .columns
+            .iter()
+            .find(|(name, _)| !known.contains(name));
+        let Some((name, column)) = unknown else {
+            return Ok(());
+        };
+        let joints: Vec<String> = arms
+            .iter()
+            .flat_map(|arm| {
+                (0..arm.robot.joints().len()).map(|k| joint_columns(arm, k, "").swap_remove(0))
+            })
+            .collect();
+        let help = match nearest(name, known.iter().map(String::as_str)) {
+            Some(near) => format!("did you mean `{near}`?"),
+            None => format!(
+                "what is read is {}, and the joints {}",
+                measured.join(", "),
+                listed(&joints)
+            ),
+        };
+        let message = format!("`columns`: nothing is read as `{name}`");
+        Err(self
+            .file
+            .error_at(column.span.clone(), message)
+            .with_help(help))
     }
 
     fn points(&self) -> Result<Vec<Vector3<f64>>, InputError> {
@@ -579,7 +726,7 @@ impl Data<'_> {
                     .error_at(
                         self.rows[k],
                         format!(
-                            "the quaternion ({}, {}, {}, {}) has length {length:.4}; expected 1",
+                            "the quaternion ({:.4}, {:.4}, {:.4}, {:.4}) has length {length:.4}; expected 1",
                             q[0], q[1], q[2], q[3]
                         ),
                     )
@@ -620,13 +767,23 @@ impl Data<'_> {
                         self.spec.span_of("group"),
                         format!("`{}` has no column `{column}` to group by; its columns are {}", self.spec.name, listed(&columns)),
                     )
-                    .with_help("name the columns that tell one plane or point from another: group = [\"plane\", \"rep\"]"));
+                    .with_help(match nearest(&column, self.table.column_names()) {
+                        Some(near) => format!("did you mean `{near}`?"),
+                        None => "name the columns that tell one plane or point from another, like group = [\"plane\", \"rep\"]".to_owned(),
+                    }));
             }
-            for (label, cell) in labels
-                .iter_mut()
-                .zip(self.table.strings(&column, &self.rows)?)
-            {
-                label.push(cell.trim().to_owned());
+            let cells = self.table.strings(&column, &self.rows)?;
+            for ((label, cell), row) in labels.iter_mut().zip(cells).zip(&self.rows) {
+                if cell.is_empty() {
+                    let message = format!(
+                        "column `{column}`: found an empty cell; expected the name of a group"
+                    );
+                    return Err(self
+                        .table
+                        .error_at(*row, message)
+                        .with_help("fill it in, or leave the row out with `rows`"));
+                }
+                label.push(cell.to_owned());
             }
         }
         Ok(Groups::by_label(
@@ -646,6 +803,17 @@ impl Data<'_> {
             }
             Some(SigmaSpec::Pose { position, rotation }) => sigma = Sigma { position, rotation },
         }
+        if let Some(wrong) = [sigma.position, sigma.rotation]
+            .into_iter()
+            .find(|s| !ordinary(*s))
+        {
+            let message =
+                format!("`sigma`: found {wrong:e}; expected a standard deviation of ordinary size");
+            return Err(self
+                .file
+                .error_at(self.spec.span_of("sigma"), message)
+                .with_help("write the standard deviation of one measurement, like \"0.1 mm\""));
+        }
         let mut sigmas = vec![sigma; self.rows.len()];
         let (column, _) = self.column("sigma");
         if self.table.has(&column) {
@@ -654,10 +822,10 @@ impl Data<'_> {
                 .into_iter()
                 .enumerate()
             {
-                if !(value > 0.0) {
+                if !ordinary(value) {
                     return Err(self
                         .table
-                        .error_at(self.rows[k], format!("column `{column}`: found {value}; expected a standard deviation above 0"))
+                        .error_at(self.rows[k], format!("column `{column}`: found {value}; expected a standard deviation above 0, of ordinary size"))
                         .with_help("correct the row, or leave it out with `rows`"));
                 }
                 sigmas[k].position = value;

@@ -140,7 +140,9 @@ pub struct MeasurementSet {
     pub loss: Loss,
     /// The tool point, where it is not the tool origin; estimated.
     pub target: Option<String>,
-    /// Where to start its estimate, in the tool frame [m].
+    /// The tool point of the other robot of a distance; estimated.
+    pub other_target: Option<String>,
+    /// Where to start the estimate of `target`, in the tool frame [m].
     pub target_guess: Option<Vector3<f64>>,
     /// The sensor's frame, where it is not the reference frame; estimated.
     pub frame: Option<String>,
@@ -167,6 +169,7 @@ impl MeasurementSet {
             sigma,
             loss: Loss::Trivial,
             target: None,
+            other_target: None,
             target_guess: None,
             frame: None,
             frame_guess: None,
@@ -195,6 +198,16 @@ impl MeasurementSet {
             sigma.position = position;
         }
         self
+    }
+
+    /// The tool points that the set names, as (robot, name).
+    pub fn targets(&self) -> impl Iterator<Item = (usize, String)> {
+        let other = match &self.measured {
+            Measured::Distance { other, .. } => *other,
+            _ => None,
+        };
+        let own = self.target.clone().map(|name| (self.robot, name));
+        own.into_iter().chain(other.zip(self.other_target.clone()))
     }
 
     /// Number of measurements.

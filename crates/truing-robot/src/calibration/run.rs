@@ -10,7 +10,8 @@ use super::select::{Choice, default_preference, in_order, select};
 use super::start::start;
 use crate::constraint::Derivatives;
 use crate::error::Error;
-use crate::file::RobotFile;
+use crate::file::{InputError, RobotFile};
+use crate::kinematics::Unit;
 use truing::{Covariance, Settings, Solution, Termination, Values, solve};
 
 /// What to estimate, and how.
@@ -144,48 +145,21 @@ impl Calibration {
         let mut warnings = Vec::new();
         let mut calibration = self.clone();
         for (k, set) in calibration.sets.iter_mut().enumerate() {
-            let (groups, least, what) = match &set.measured {
-                Measured::UnknownPlane(groups) => (groups, 4, "touches"),
-                Measured::SamePoint(groups) => (groups, 2, "visits"),
-                _ => continue,
-            };
-            let counts = groups.counts();
-            let names = groups.names.clone();
-            let small: Vec<usize> = (0..counts.len()).filter(|g| counts[*g] < least).collect();
-            if small.is_empty() {
+            let Some((small, warning)) = small_groups(set)? else {
                 continue;
-            }
-            let listed: Vec<String> = small
-                .iter()
-                .take(8)
-                .map(|g| format!("{} ({})", names[*g], counts[*g]))
-                .collect();
-            let message = format!(
-                "`{}`: {} of {} groups have fewer than {least} {what}, which any robot fits: {}{}",
-                set.name,
-                small.len(),
-                counts.len(),
-                listed.join(", "),
-                if small.len() > listed.len() {
-                    ", …"
-                } else {
-                    ""
-                }
-            );
-            if small.len() == counts.len() {
-                return Err(Error::calibration(
-                    message,
-                    format!(
-                        "measure each at least {least} times (more is better), or group by another column"
-                    ),
-                ));
-            }
-            warnings.push(format!("{message}; left out"));
+            };
+            warnings.push(warning);
             *set = keep_groups(set, &small);
             for (of, held) in &mut calibration.held_out {
                 if *of == k {
                     *held = keep_groups(held, &small);
                 }
+            }
+        }
+        for set in &mut calibration.validate {
+            if let Some((small, warning)) = small_groups(set)? {
+                warnings.push(warning);
+                *set = keep_groups(set, &small);
             }
         }
         calibration.held_out.retain(|(_, set)| !set.is_empty());
@@ -214,7 +188,7 @@ impl Calibration {
             }
             _ => true,
         });
-        let choices = select(&self.arms, &self.sets, &begin, derivatives, &wanted)?;
+        let choices = select(&self.arms, &self.sets, &begin, derivatives, &wanted, &[])?;
         let registered = self.solve_columns(&begin, &choices, false)?.1;
 
         watch(Stage::Identifying);
@@ -222,15 +196,32 @@ impl Calibration {
             Owner::Parameter { robot, parameter } => self.wants(*robot, *parameter),
             _ => true,
         });
-        let choices = select(&self.arms, &self.sets, &begin, derivatives, &wanted)?;
+        let priors: Vec<usize> = self
+            .estimate
+            .priors
+            .iter()
+            .map(|(robot, parameter, _)| layout.robot(*robot).column() + parameter)
+            .collect();
+        let choices = select(&self.arms, &self.sets, &begin, derivatives, &wanted, &priors)?;
         let rows: usize = self.sets.iter().map(|set| set.len() * set.dim()).sum();
-        let columns = choices.iter().filter(|c| **c == Choice::Estimated).count();
-        if rows + self.estimate.priors.len() < columns {
+        // What the structure allows: with too few rows, which of it these data excite is chance.
+        let unknowns = choices
+            .iter()
+            .filter(|c| matches!(c, Choice::Estimated | Choice::Unexcited))
+            .count();
+        let priors = self.estimate.priors.len();
+        if rows + priors < unknowns {
             return Err(Error::calibration(
                 format!(
-                    "{columns} unknowns (planes, points and frames included) but only {rows} residual rows"
+                    "found {rows} measured values for {unknowns} unknowns (parameters, frames, tool points, planes and \
+                     points together); expected at least as many values"
                 ),
                 "measure more configurations, or estimate fewer parameters (`parameters`, `fixed`)",
+            ));
+        }
+        if rows + priors == unknowns {
+            warnings.push(format!(
+                "there are as many unknowns as measured values, {rows}: they fit whatever was measured, and nothing checks them"
             ));
         }
 
@@ -260,7 +251,10 @@ impl Calibration {
         let covariance = match Covariance::at(&assembly.problem, &solution.values) {
             Ok(covariance) => Some(covariance),
             Err(error) => {
-                warnings.push(format!("no standard deviations: {error}"));
+                warnings.push(format!(
+                    "{DISTRUST}at this solution some unknowns cannot be told apart, so there are no standard deviations \
+                     ({error})"
+                ));
                 None
             }
         };
@@ -447,9 +441,10 @@ impl Calibration {
         for set in validation {
             if let (Some(registered), Some(after)) = (&set.registered, &set.after) {
                 if after.rms > registered.rms {
+                    let distrust = if after.rms > WORSE * registered.rms { DISTRUST } else { "" };
                     warnings.push(format!(
-                        "the calibrated robot predicts `{}` worse than the registered nominal one: {:.4} mm against {:.4} mm RMS \
-                         on rows that were not used",
+                        "{distrust}the calibrated robot predicts `{}` worse than the registered nominal one: {:.4} mm \
+                         against {:.4} mm RMS on rows that were not used",
                         set.name,
                         after.rms * 1e3,
                         registered.rms * 1e3
@@ -476,31 +471,72 @@ impl Calibration {
             .iter()
             .zip(fitted.nominal.robots.iter().zip(&fitted.estimated.robots))
         {
+            let lengths = arm.robot.parameters().iter().zip(nominal.iter().zip(estimate));
+            let lengths = lengths.filter(|(p, _)| p.unit() == Unit::Meter);
+            let (mut total, mut change) = (0.0, 0.0);
+            for (_, (nominal, estimate)) in lengths {
+                total += nominal.abs();
+                change += (estimate - nominal) * (estimate - nominal);
+            }
+            if change.sqrt() > DEFORMED * total {
+                warnings.push(format!(
+                    "{DISTRUST}the lengths of {} moved by {:.0} mm in all, of {total:.3} m: the data do not determine \
+                     them; add a `prior` about nominal, or measurements that do",
+                    if arm.name.is_empty() { arm.robot.name() } else { &arm.name },
+                    change.sqrt() * 1e3
+                ));
+            }
+        }
+        let mut moved = Vec::new();
+        for (arm, (nominal, estimate)) in self
+            .arms
+            .iter()
+            .zip(fitted.nominal.robots.iter().zip(&fitted.estimated.robots))
+        {
             for (parameter, (nominal, estimate)) in nominal.iter().zip(estimate).enumerate() {
+                let change = estimate - nominal;
                 let (limit, text) = match arm.robot.parameters()[parameter].unit() {
-                    crate::kinematics::Unit::Radian => {
-                        (0.1, format!("{:.2}°", (estimate - nominal).to_degrees()))
-                    }
-                    crate::kinematics::Unit::Meter => {
-                        (0.05, format!("{:.1} mm", (estimate - nominal) * 1e3))
-                    }
-                    crate::kinematics::Unit::One => (0.05, format!("{:.3}", estimate - nominal)),
+                    Unit::Radian => (0.1, format!("{:+.2}°", change.to_degrees())),
+                    Unit::Meter => (0.05, format!("{:+.1} mm", change * 1e3)),
+                    Unit::One => (0.05, format!("{change:+.3}")),
                 };
-                if (estimate - nominal).abs() > limit {
-                    warnings.push(format!(
-                        "{} moved {text} from nominal: the data may determine it only weakly (see its σ), or the table may be wrong",
-                        arm.parameter_name(parameter)
-                    ));
+                if change.abs() > limit {
+                    moved.push(format!("{} {text}", arm.parameter_name(parameter)));
                 }
             }
         }
+        if !moved.is_empty() {
+            warnings.push(format!(
+                "far from nominal: {}; the data may determine this only weakly (see σ), or the robot file may be wrong",
+                shortened(&moved)
+            ));
+        }
+    }
+}
+
+/// How a warning starts that makes a result untrusted.
+const DISTRUST: &str = "not to be trusted: ";
+
+/// Rows that were not used may be predicted worse than by the registered nominal robot by this
+/// factor before the result is distrusted: where a robot is nearly nominal, chance decides.
+const WORSE: f64 = 1.1;
+
+/// The lengths of a robot may move by this share of their sum: no drawing is that wrong, but an
+/// arm that collapses onto a point moves by as much as it is long.
+const DEFORMED: f64 = 0.1;
+
+/// A list in words, its first eight entries if it is longer.
+fn shortened(all: &[String]) -> String {
+    match all.get(8..) {
+        None | Some([]) => all.join(", "),
+        Some(rest) => format!("{} and {} more", all[..8].join(", "), rest.len()),
     }
 }
 
 /// Whether the files give everything a set's errors depend on.
 fn given(set: &MeasurementSet) -> bool {
     let frame = set.frame.is_none() || set.frame_guess.is_some();
-    let target = set.target.is_none() || set.target_guess.is_some();
+    let target = (set.target.is_none() || set.target_guess.is_some()) && set.other_target.is_none();
     let own = !matches!(
         set.measured,
         Measured::UnknownPlane(_)
@@ -508,6 +544,66 @@ fn given(set: &MeasurementSet) -> bool {
             | Measured::Distance { distance: None, .. }
     );
     frame && target && own
+}
+
+/// The groups of a set that have too few rows, and a warning; an error if all of them have.
+fn small_groups(set: &MeasurementSet) -> Result<Option<(Vec<usize>, String)>, Error> {
+    let (groups, least, group, row) = match &set.measured {
+        Measured::UnknownPlane(groups) => (groups, 4, "plane", "touches"),
+        Measured::SamePoint(groups) => (groups, 2, "point", "visits"),
+        _ => return Ok(None),
+    };
+    let counts = groups.counts();
+    let small: Vec<usize> = (0..counts.len()).filter(|g| counts[*g] < least).collect();
+    let Some(first) = small.first() else {
+        return Ok(None);
+    };
+    let message = match small.as_slice() {
+        [only] => format!(
+            "`{}`: {group} `{}` has {}; expected at least {least}, for fewer fit any robot",
+            set.name,
+            groups.names[*only],
+            number_of(counts[*only], row)
+        ),
+        _ => {
+            let listed: Vec<String> = small
+                .iter()
+                .map(|g| format!("`{}` ({})", groups.names[*g], counts[*g]))
+                .collect();
+            format!(
+                "`{}`: {} {group}s have too few {row}: {}; expected at least {least} each, for fewer fit any robot",
+                set.name,
+                small.len(),
+                shortened(&listed)
+            )
+        }
+    };
+    if small.len() < counts.len() {
+        return Ok(Some((small, format!("{message}; left out"))));
+    }
+    let help = format!("measure each at least {least} times, or group by another column");
+    Err(match &set.origin {
+        None => Error::calibration(message, help),
+        Some((path, lines)) => {
+            let error = InputError::new(path, message).with_help(help);
+            let row = groups.of_row.iter().position(|g| g == first);
+            match row {
+                Some(row) => error.with_line(lines[row]),
+                None => error,
+            }
+            .into()
+        }
+    })
+}
+
+/// "1 touch", "2 touches": `plural` is one of the words used here.
+fn number_of(count: usize, plural: &str) -> String {
+    let word = match (count, plural) {
+        (1, "touches") => "touch",
+        (1, "visits") => "visit",
+        _ => plural,
+    };
+    format!("{count} {word}")
 }
 
 /// A set without some of its groups; the others are numbered anew.
@@ -733,7 +829,8 @@ impl Report<'_> {
             message: solution.termination.to_string(),
         };
         CalibrationResult {
-            trusted: termination.converged,
+            // Where unknowns cannot be told apart, the residual is small at many wrong robots.
+            trusted: termination.converged && !warnings.iter().any(|w| w.starts_with(DISTRUST)),
             termination,
             warnings,
             iterations: solution.iterations,

@@ -18,6 +18,10 @@ const STRUCTURE: f64 = 1e-5;
 /// What is left of a scaled column at the data's own configurations, below which they do not move it.
 const EXCITATION: f64 = 1e-7;
 
+/// A robot's parameter that the data leave uncertain by more than this [m, rad or 1], even if those
+/// preferred to it were known, is worse determined than by any drawing.
+const WEAKEST: f64 = 0.1;
+
 /// How many rows of measurements each set of the structural twin has, about.
 const POSTURES: usize = 120;
 
@@ -76,6 +80,7 @@ fn compressed(assembly: &Assembly, wanted: &[usize]) -> DMatrix<f64> {
 }
 
 /// Decides about every column; those `wanted` are visited in this order, the preferred first.
+/// Columns `with_prior` may be as weakly determined by the data as they like.
 ///
 /// # Errors
 /// If the structural twin cannot be made, or a noise model is wrong.
@@ -85,6 +90,7 @@ pub fn select(
     state: &State,
     derivatives: &Derivatives,
     wanted: &[usize],
+    with_prior: &[usize],
 ) -> Result<Vec<Choice>, Error> {
     let data = Assembly::new(arms, sets, state, derivatives)?;
     let twin = Assembly::new(
@@ -107,18 +113,23 @@ pub fn select(
             }
         };
     }
-    let kept: Vec<usize> = wanted
+    let mut kept: Vec<usize> = wanted
         .iter()
         .copied()
         .filter(|c| choices[*c] == Choice::Estimated)
         .collect();
-    let order: Vec<usize> = (0..kept.len()).collect();
-    for (status, column) in base_columns(&compressed(&data, &kept), &order, EXCITATION)
-        .into_iter()
-        .zip(&kept)
-    {
-        if status != ColumnStatus::Identifiable {
-            choices[*column] = Choice::Unexcited;
+    // Left out one by one, since leaving one out is what the next may need to be determined.
+    loop {
+        let triangle = compressed(&data, &kept);
+        let dark = (0..kept.len()).find(|k| {
+            let (left, column) = (triangle[(*k, *k)].abs(), kept[*k]);
+            let robot = matches!(data.columns[column].owner, Owner::Parameter { .. });
+            let weak = robot && !with_prior.contains(&column) && left * WEAKEST < 1.0;
+            left <= EXCITATION * triangle.column(*k).norm() || weak
+        });
+        match dark {
+            Some(k) => choices[kept.remove(k)] = Choice::Unexcited,
+            None => break,
         }
     }
     Ok(choices)

@@ -38,8 +38,7 @@ pub fn start(arms: &[Arm], sets: &[MeasurementSet], robots: Vec<Vec<f64>>, known
         }
     }
     for set in sets {
-        if let Some(name) = &set.target {
-            let key = (set.robot, name.clone());
+        for key in set.targets() {
             if !state.targets.contains_key(&key) {
                 let target = locate_target(arms, sets, &key, &state);
                 state.targets.insert(key, target);
@@ -86,11 +85,7 @@ pub fn fit_groups(arms: &[Arm], sets: &[MeasurementSet], state: &mut State) {
                 distance: None,
             } => {
                 let b = other.unwrap_or(set.robot);
-                let target = if other.is_some() {
-                    Vector3::zeros()
-                } else {
-                    state.target(set)
-                };
+                let target = state.second_target(set);
                 let total: f64 = tips()
                     .iter()
                     .zip(q_b)

@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use super::constraint_values::{
-    columns, distance, frame_guess, holdout, loss, plane, rows, sigma, target_guess, two_robots,
+    columns, distance, frame_guess, holdout, loss, plane, rows, sigma, target_guess, two_robots, two_targets,
 };
 use super::error::{InputError, one_of, suggest};
 use super::item::Item;
@@ -69,17 +69,18 @@ impl Kind {
     }
 }
 
-/// The kinds that are about one tool point of one robot.
-const TOUCHED: [Kind; 5] = [
+/// The kinds that can name a tool point of one robot.
+const TOUCHED: [Kind; 6] = [
     Kind::Pose,
     Kind::Position,
     Kind::KnownPlane,
     Kind::UnknownPlane,
     Kind::SamePoint,
+    Kind::Distance,
 ];
 
 /// The keys that only some kinds have.
-const KEYS_OF_KINDS: [(&str, &[Kind]); 8] = [
+const KEYS_OF_KINDS: [(&str, &[Kind]); 9] = [
     ("target", &TOUCHED),
     ("target_guess", &TOUCHED),
     ("frame", &[Kind::Pose, Kind::Position]),
@@ -88,6 +89,7 @@ const KEYS_OF_KINDS: [(&str, &[Kind]); 8] = [
     ("plane", &[Kind::KnownPlane]),
     ("distance", &[Kind::Distance]),
     ("robots", &[Kind::Distance]),
+    ("targets", &[Kind::Distance]),
 ];
 
 /// One standard deviation of a measurement, positive.
@@ -196,6 +198,8 @@ pub struct ConstraintSpec {
     pub robots: Option<[Spanned<String>; 2]>,
     /// The point on the tool that was measured, estimated; the tool origin by default.
     pub target: Option<Spanned<String>>,
+    /// The points on the tools of the two robots of a `distance`, estimated.
+    pub targets: Option<[Spanned<String>; 2]>,
     /// Where to start the estimate of the point, in the tool frame, lengths or bare numbers \[m\].
     pub target_guess: Option<[Quantity; 3]>,
     /// The sensor frame the measurements are in, estimated; the world by default.
@@ -252,6 +256,7 @@ impl ConstraintSpec {
             robot: name(&mut table, "robot")?,
             robots: two_robots(&mut table)?,
             target: name(&mut table, "target")?,
+            targets: two_targets(&mut table)?,
             target_guess: target_guess(&mut table)?,
             frame: name(&mut table, "frame")?,
             frame_guess: frame_guess(&mut table)?,
@@ -377,7 +382,8 @@ mod tests {
                 "only `unknown-plane` or `same-point`",
             ),
             ("unknown-plane", "frame = 's'", "only `pose` or `position`"),
-            ("distance", "target = 's'\ndistance = 1", "only `pose`"),
+            ("pose", "targets = ['a', 'b']", "only `distance`"),
+            ("distance", "targets = ['a', 'b']\ntarget = 's'\ndistance = 1", "also `target`"),
             ("pose", "robots = ['a', 'b']", "only `distance`"),
             ("pose", "sgima = 1", "unknown key `sgima` in [[constraint]]"),
             ("pose", "data2 = 'x'", "unknown key"),

@@ -117,6 +117,22 @@ pub(super) fn two_robots(
     Ok(Some([first, second]))
 }
 
+/// `targets = ["ball_left", "ball_right"]`.
+pub(super) fn two_targets(
+    table: &mut Section<'_>,
+) -> Result<Option<[Spanned<String>; 2]>, InputError> {
+    let Some(item) = table.get("targets") else {
+        return Ok(None);
+    };
+    if table.peek("target").is_some() {
+        return Err(item
+            .error("there is also `target`; expected one of the two keys")
+            .with_help("use `targets` for two robots, `target` for one in two postures"));
+    }
+    let [first, second] = item.list_of("the names of two tool points")?;
+    Ok(Some([first.name_text()?, second.name_text()?]))
+}
+
 /// Finds the value of a guess, which makes sense only with the key it is a guess of.
 fn guess<'a>(table: &mut Section<'a>, key: &str, of: &str) -> Result<Option<Item<'a>>, InputError> {
     let Some(item) = table.get(key) else {

@@ -203,12 +203,13 @@ impl Source {
 fn unreadable(path: &Path, error: &io::Error) -> InputError {
     match error.kind() {
         io::ErrorKind::NotFound => InputError::new(path, "this file does not exist")
-            .with_help("check the path: one inside a file is relative to that file's folder"),
+            .with_help("check the path, and the folder the program runs in"),
         io::ErrorKind::IsADirectory => InputError::new(path, "this is a folder; expected a file")
             .with_help("name a file in it"),
         io::ErrorKind::PermissionDenied => InputError::new(path, "no permission to read this file")
             .with_help("check the permissions of the file and its folders"),
-        _ => InputError::new(path, format!("cannot read this file: {error}")),
+        _ => InputError::new(path, format!("cannot read this file: {error}"))
+            .with_help("check the path and the disk it is on"),
     }
 }
 

@@ -71,6 +71,7 @@ impl<'a> Item<'a> {
     #[must_use]
     pub fn wrong_type(&self, expected: &str) -> InputError {
         self.error(format!("found {}; expected {expected}", self.found()))
+            .with_help(format!("write {expected}"))
     }
 
     /// The text.

@@ -63,15 +63,12 @@ impl<'s> Document<'s> {
         match DeTable::parse(&source.text) {
             Ok(table) => Ok(Self { source, table }),
             Err(error) => {
-                let message: Vec<&str> = error.message().lines().map(str::trim).collect();
-                let message = format!("this is not TOML: {}", message.join("; "));
+                let (message, help) = explain(&error, &source.text);
                 let error = match error.span() {
                     Some(span) => source.error_at(span, message),
                     None => source.error(message),
                 };
-                Err(error.with_help(
-                    "correct the text here: `key = value` lines, texts in quotes, tables in [brackets]",
-                ))
+                Err(error.with_help(help))
             }
         }
     }
@@ -82,6 +79,44 @@ impl<'s> Document<'s> {
         let title = "this file".to_owned();
         Section::new(self.source, title, 0..0, self.table.get_ref())
     }
+}
+
+/// What a syntax error means, and what to do: in plain words where the mistake is a usual one.
+fn explain(error: &toml::de::Error, text: &str) -> (String, String) {
+    let span = error.span().unwrap_or_default();
+    let found = text.get(span.clone()).unwrap_or_default().trim();
+    let before = text.get(..span.start).unwrap_or_default();
+    let message: Vec<&str> = error.message().lines().map(str::trim).collect();
+    let message = message.join("; ");
+    if message == "duplicate key" {
+        return (
+            format!("`{}` is there twice; expected once", short(found)),
+            "keep one of the two, or give one another name".to_owned(),
+        );
+    }
+    let bare = found.starts_with(|c: char| c.is_alphabetic() || "./~".contains(c));
+    if bare && before.trim_end().ends_with(['=', '[', ',']) && !found.contains('"') {
+        return (
+            format!(
+                "found `{}`; expected a number, `true`, `false`, or a text in quotes",
+                short(found)
+            ),
+            format!("put quotes around a text: \"{}\"", short(found)),
+        );
+    }
+    let digit = |c: Option<char>| c.is_some_and(|c| c.is_ascii_digit());
+    let comma = [span.start, span.start.saturating_sub(1)]
+        .into_iter()
+        .find(|at| text.get(*at..).is_some_and(|rest| rest.starts_with(',')));
+    let help = match comma {
+        Some(at)
+            if digit(text[..at].chars().next_back()) && digit(text[at + 1..].chars().next()) =>
+        {
+            "write a decimal point, not a comma"
+        }
+        _ => "correct the text here: `key = value` lines, texts in quotes, tables in [brackets]",
+    };
+    (format!("this is not TOML: {message}"), help.to_owned())
 }
 
 /// A table being read. It remembers the keys it was asked for: any other one is unknown.
@@ -329,6 +364,9 @@ impl<'a> Section<'a> {
         Err(match nearest(&unknown.name, known.iter().copied()) {
             Some(near) => error.with_help(format!("did you mean `{near}`?")),
             None if known.is_empty() => error.with_help("remove it"),
+            None if known.len() == 1 => {
+                error.with_help(format!("the only key here is `{}`", known[0]))
+            }
             None => error.with_help(format!("the keys here are {}", one_of(&known))),
         })
     }

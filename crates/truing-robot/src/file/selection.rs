@@ -75,7 +75,14 @@ impl Selection {
             }
         };
         if rows.is_empty() {
-            let error = self.error(table, format!("selects none of the {} rows", table.len()));
+            let error = self.error(
+                table,
+                format!(
+                    "selects none of the {} rows of {}",
+                    table.len(),
+                    table.path().display()
+                ),
+            );
             return Err(error.with_help("check the bounds, or how the cells are written"));
         }
         Ok(rows)

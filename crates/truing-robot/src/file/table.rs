@@ -5,6 +5,9 @@ use std::path::{Path, PathBuf};
 use super::error::{InputError, Source, nearest, short};
 use super::quantity::{Dimension, Units};
 
+/// The largest number a cell may hold [m, rad or 1]: larger ones are mistakes, and overflow in models.
+const LARGEST: f64 = 1e12;
+
 /// A table of data with named columns. Its cells are texts until they are asked for as numbers.
 #[derive(Debug, Clone)]
 pub struct Table {
@@ -87,7 +90,10 @@ impl Table {
             match more {
                 Ok(true) => {}
                 Ok(false) => break,
-                Err(error) => return Err(table.error(line, format!("this is not CSV: {error}"))),
+                Err(error) => {
+                    let error = table.error(line, format!("this is not CSV: {error}"));
+                    return Err(error.with_help("write cells separated by commas, a row a line"));
+                }
             }
             if let Some(cell) = record.iter().find(|cell| cell.contains(['\n', '\r'])) {
                 let message = format!("the cell `{}` goes over several lines", short(cell));
@@ -249,7 +255,15 @@ impl Table {
         for &row in rows {
             let cell = self.cell(row, column);
             match cell.parse::<f64>() {
-                Ok(number) if (number * factor).is_finite() => numbers.push(number * factor),
+                Ok(number) if (number * factor).abs() <= LARGEST => numbers.push(number * factor),
+                Ok(number) if number.is_finite() => {
+                    let (name, cell) = (short(name), short(cell));
+                    let message = format!(
+                        "column `{name}`: found `{cell}`; expected a number of ordinary size"
+                    );
+                    let help = "correct the cell, or the unit in the header";
+                    return Err(self.error_at(row, message).with_help(help));
+                }
                 parsed => return Err(self.not_a_number(name, row, cell, parsed.is_ok())),
             }
         }
@@ -280,6 +294,12 @@ impl Table {
     #[track_caller]
     pub fn error_at(&self, row: usize, message: impl Into<String>) -> InputError {
         self.error(self.lines[row], message)
+    }
+
+    /// The error of `message` about the header.
+    #[must_use]
+    pub fn header_error(&self, message: impl Into<String>) -> InputError {
+        self.error(self.header_line, message)
     }
 
     /// The place of a column.

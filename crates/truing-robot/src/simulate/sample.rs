@@ -128,11 +128,7 @@ pub fn sample(
             other, distance, ..
         } => {
             let b = other.unwrap_or(set.robot);
-            let target_b = if other.is_some() {
-                Vector3::zeros()
-            } else {
-                posed.target
-            };
+            let target_b = state.second_target(set);
             let posed_b = Posed {
                 robot: &arms[b].robot,
                 parameters: &state.robots[b],

@@ -115,7 +115,7 @@ fn true_robots(file: &SimulationFile, arms: &[Arm], seed: u64) -> Result<Vec<Vec
         .map(|(arm, chosen)| perturbed(&arm.robot, errors, |k| chosen[k], &mut rng))
         .collect();
     for (text, error) in &errors.given {
-        for (r, p) in names.find(text)? {
+        for (r, p) in names.find_like(text, *error)? {
             let error = in_unit_of(arms, (r, p), *error, &file.source, &text.span)?;
             robots[r][p] = arms[r].robot.parameters()[p].nominal + error;
         }

@@ -1,0 +1,108 @@
+//! The examples run, and come out as they say.
+
+#![allow(
+    dead_code,
+    reason = "an example's `main` is its own, the tests call its `run`"
+)]
+
+use approx::assert_abs_diff_eq;
+use truing_robot::calibration::Status;
+
+#[path = "../examples/custom_constraint.rs"]
+mod custom_constraint;
+#[path = "../examples/hello_world.rs"]
+mod hello_world;
+#[path = "../examples/hello_world_analytic.rs"]
+mod hello_world_analytic;
+#[path = "../examples/hello_world_numeric.rs"]
+mod hello_world_numeric;
+#[path = "../examples/kinds.rs"]
+mod kinds;
+#[path = "../examples/mixed_constraints.rs"]
+mod mixed_constraints;
+#[path = "../examples/observers.rs"]
+mod observers;
+
+#[test]
+fn hello_world_is_the_same_with_automatic_analytic_and_numeric_derivatives() {
+    let mut text = Vec::new();
+    let automatic = hello_world::run(&mut text).unwrap();
+    let analytic = hello_world_analytic::run(&mut text).unwrap();
+    let numeric = hello_world_numeric::run(&mut text).unwrap();
+    assert_abs_diff_eq!(automatic[0], 0.3, epsilon = 0.01);
+    assert_abs_diff_eq!(automatic[1], 0.1, epsilon = 0.02);
+    for k in 0..2 {
+        assert_abs_diff_eq!(analytic[k], automatic[k], epsilon = 1e-9);
+        assert_abs_diff_eq!(numeric[k], automatic[k], epsilon = 1e-7);
+    }
+}
+
+#[test]
+fn mixed_constraints_reach_the_noise_of_the_measurements() {
+    let result = mixed_constraints::run(&mut Vec::new()).unwrap();
+    assert!(result.trusted, "{:?}", result.warnings);
+    for set in &result.constraints {
+        let (registered, after) = (
+            set.registered.as_ref().unwrap(),
+            set.after.as_ref().unwrap(),
+        );
+        // Simulated with 0.05 mm along each axis.
+        assert!(after.rms < 0.1e-3, "{}: {}", set.name, after.rms);
+        assert!(registered.rms > 10.0 * after.rms, "{}", set.name);
+    }
+    let estimated = |p: &&truing_robot::calibration::ParameterResult| p.status == Status::Estimated;
+    assert!(result.parameters.iter().filter(estimated).count() >= 18);
+}
+
+#[test]
+fn every_kind_identifies_what_its_measurements_depend_on() {
+    let kinds = kinds::run(&mut Vec::new()).unwrap();
+    let estimated =
+        |(_, parameters): &(String, Vec<truing_robot::calibration::ParameterResult>)| {
+            let found = parameters.iter().filter(|p| p.status == Status::Estimated);
+            found.count()
+        };
+    let counts: Vec<(&str, usize)> = kinds
+        .iter()
+        .map(|kind| (kind.0.as_str(), estimated(kind)))
+        .collect();
+    // Those of position and planes are the counts of Khalil, Lemoine & Gautier 1996.
+    assert_eq!(
+        counts,
+        [
+            ("pose", 30),
+            ("position", 27),
+            ("known-plane", 23),
+            ("unknown-plane", 20),
+            ("same-point", 20),
+            ("distance", 21),
+        ]
+    );
+}
+
+#[test]
+fn a_constraint_of_one_s_own_finds_the_offsets_within_their_standard_deviations() {
+    let offsets = custom_constraint::run(&mut Vec::new()).unwrap();
+    assert_eq!(offsets.len(), 6);
+    for (name, truth, found, sigma) in offsets {
+        assert!(
+            (found - truth).abs() < 3.0 * sigma,
+            "{name}: {found} ± {sigma}, true {truth}"
+        );
+        assert!(
+            sigma < 0.5 * truth.abs(),
+            "{name} is hardly determined: ± {sigma}"
+        );
+    }
+}
+
+#[test]
+fn an_observer_sees_the_solver_reach_the_minimum() {
+    let mut text = Vec::new();
+    let (point, termination) = observers::run(&mut text).unwrap();
+    assert!(termination.is_some_and(|t| t.converged()));
+    assert_abs_diff_eq!(point[0], 1.0, epsilon = 1e-9);
+    assert_abs_diff_eq!(point[1], 1.0, epsilon = 1e-9);
+    let text = String::from_utf8(text).unwrap();
+    assert!(text.lines().count() > 5 && text.contains("damping"));
+}

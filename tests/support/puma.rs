@@ -1,0 +1,252 @@
+//! The PUMA 560 of the examples, true robots near it, and simulated measurements of them of every
+//! kind.
+
+#![allow(dead_code, reason = "each test file uses what it needs")]
+
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use std::path::{Path, PathBuf};
+use truing_robot::Robot;
+use truing_robot::calibration::{
+    Arm, Assembly, Calibration, Choice, Groups, Measured, MeasurementSet, Outcome, Owner, Sigma,
+    State, default_preference, in_order, select, start,
+};
+use truing_robot::constraint::Derivatives;
+use truing_robot::file::{ErrorSpec, RobotFile};
+use truing_robot::simulate::{Sampling, perturbed, sample};
+
+use truing::manifold::{Plane, Pose};
+use truing::nalgebra::Vector3;
+
+/// A file of the example.
+pub fn example(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("../../examples/puma560")
+        .join(name)
+}
+
+/// The nominal PUMA 560 on its generic base, with its generic tool.
+pub fn puma() -> Robot {
+    Robot::new(&RobotFile::read(example("puma560.toml")).unwrap())
+}
+
+/// The PUMA 560 with a text of its file replaced.
+#[track_caller]
+pub fn puma_with(from: &str, to: &str) -> Robot {
+    let text = std::fs::read_to_string(example("puma560.toml")).unwrap();
+    assert!(text.contains(from), "puma560.toml has no `{from}`");
+    Robot::new(&RobotFile::parse(&text.replacen(from, to, 1), "puma560.toml").unwrap())
+}
+
+/// Two PUMAs, `left` and `right`, that reach into each other's workspace.
+pub fn two_pumas() -> Vec<Arm> {
+    let right = puma_with(
+        "theta = 17.0\nr = 0.4\n\n[[joint]]\nname = \"waist\"\ntype = \"revolute\"\nalpha = 11.0\nd = 0.15",
+        "theta = 40.0\nr = 0.35\n\n[[joint]]\nname = \"waist\"\ntype = \"revolute\"\nalpha = -9.0\nd = 0.9",
+    );
+    [("left", puma()), ("right", right)]
+        .map(|(name, robot)| Arm {
+            name: name.into(),
+            robot,
+        })
+        .into()
+}
+
+/// A plane that the PUMA reaches everywhere above its base.
+pub fn table() -> Plane<f64> {
+    let normal = Vector3::new(0.05, -0.02, 1.0).normalize();
+    Plane {
+        normal,
+        distance: 0.35,
+    }
+}
+
+/// Errors of up to ±0.3°, ±1 mm and, for gains, ±0.001.
+pub fn errors() -> ErrorSpec {
+    ErrorSpec {
+        angle: 0.3_f64.to_radians(),
+        length: 1e-3,
+        gain: 1e-3,
+        ..ErrorSpec::default()
+    }
+}
+
+/// What is measured, without its rows.
+#[derive(Debug, Clone)]
+pub enum What {
+    /// Poses in the reference frame.
+    Pose,
+    /// Positions of the tool origin in the reference frame.
+    Position,
+    /// Positions of a point on the tool in a tracker's frame, neither of them known.
+    TrackedPosition,
+    /// Touches of a known plane.
+    KnownPlane(Plane<f64>),
+    /// Touches of planes that are estimated.
+    UnknownPlane(Vec<Plane<f64>>),
+    /// Visits of points that are estimated \[m\].
+    SamePoint(Vec<Vector3<f64>>),
+    /// A known distance between the tools of two robots \[m\].
+    TwoArms(f64),
+    /// A known distance between two postures of one robot \[m\].
+    TwoPostures(f64),
+    /// A distance between the tools of two robots that is estimated \[m\].
+    TwoArmsUnknown(f64),
+}
+
+/// Robots as they truly are, and what was measured of them.
+#[derive(Clone)]
+pub struct Scene {
+    /// The nominal robots.
+    pub arms: Vec<Arm>,
+    /// Everything as it truly is.
+    pub truth: State,
+    /// The measurements.
+    pub sets: Vec<MeasurementSet>,
+    seed: u64,
+}
+
+impl Scene {
+    /// Robots that are as their tables say.
+    pub fn nominal(arms: Vec<Arm>, seed: u64) -> Self {
+        let truth = State {
+            robots: arms.iter().map(|arm| arm.robot.nominal()).collect(),
+            ..State::default()
+        };
+        Self {
+            arms,
+            truth,
+            sets: Vec::new(),
+            seed,
+        }
+    }
+
+    /// Robots with random [`errors`] in the parameters that are `chosen` by robot and number.
+    pub fn perturbed(arms: Vec<Arm>, seed: u64, chosen: impl Fn(usize, usize) -> bool) -> Self {
+        let mut scene = Self::nominal(arms, seed);
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        for (r, arm) in scene.arms.iter().enumerate() {
+            scene.truth.robots[r] = perturbed(&arm.robot, &errors(), |p| chosen(r, p), &mut rng);
+        }
+        scene
+    }
+
+    /// Adds `count` measurements (of each plane or point) with noise of `sigma` \[m; rad for
+    /// rotations\].
+    pub fn measure(mut self, what: &What, count: usize, sigma: f64) -> Self {
+        let k = self.sets.len();
+        let (mut planes, mut points, mut distance) = (Vec::new(), Vec::new(), 0.0);
+        let groups = |n: usize| Groups {
+            names: (1..=n).map(|g| g.to_string()).collect(),
+            of_row: Vec::new(),
+        };
+        let apart = |length: f64, other: Option<usize>, known: bool| Measured::Distance {
+            other,
+            q_b: Vec::new(),
+            distance: known.then_some(length),
+        };
+        let measured = match what {
+            What::Pose => Measured::Pose(Vec::new()),
+            What::Position | What::TrackedPosition => Measured::Position(Vec::new()),
+            What::KnownPlane(plane) => Measured::KnownPlane(*plane),
+            What::UnknownPlane(listed) => {
+                planes.clone_from(listed);
+                Measured::UnknownPlane(groups(listed.len()))
+            }
+            What::SamePoint(listed) => {
+                points.clone_from(listed);
+                Measured::SamePoint(groups(listed.len()))
+            }
+            What::TwoArms(length) => {
+                distance = *length;
+                apart(*length, Some(1), true)
+            }
+            What::TwoArmsUnknown(length) => {
+                distance = *length;
+                apart(*length, Some(1), false)
+            }
+            What::TwoPostures(length) => {
+                distance = *length;
+                apart(*length, None, true)
+            }
+        };
+        let name = format!("{}-{}", measured.kind(), k + 1);
+        let mut template = MeasurementSet::new(name, 0, Vec::new(), measured);
+        if let What::TrackedPosition = what {
+            template = template.frame("tracker").target("reflector");
+            let turned = Pose::from_quaternion(Vector3::new(3.0, -0.5, 0.2), [0.0, 0.0, 0.6, 0.8]);
+            self.truth.frames.insert("tracker".into(), turned);
+            let reflector = Vector3::new(0.02, -0.03, 0.1);
+            self.truth
+                .targets
+                .insert((0, "reflector".into()), reflector);
+        }
+        self.truth.planes.push(planes);
+        self.truth.points.push(points);
+        self.truth.distances.push(distance);
+        let noise = Sigma {
+            position: sigma,
+            rotation: sigma,
+        };
+        let sampling = Sampling {
+            count,
+            noise: Some(noise),
+            near: None,
+        };
+        let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
+        rng.set_stream(k as u64 + 1);
+        let set = sample(&self.arms, k, &template, &self.truth, &sampling, &mut rng).unwrap();
+        self.sets.push(set);
+        self
+    }
+
+    /// The calibration of these measurements, of everything but the gains unless they are asked for.
+    pub fn calibration(&self, gains: bool) -> Calibration {
+        let mut calibration = Calibration::new(self.arms.clone(), self.sets.clone());
+        let wanted = |arm: &Arm| {
+            let parameters = arm.robot.parameters().iter();
+            parameters
+                .map(|p| gains || !p.name.starts_with('K'))
+                .collect()
+        };
+        calibration.estimate.wanted = self.arms.iter().map(wanted).collect();
+        calibration
+    }
+
+    /// Calibrates; see [`calibration`](Self::calibration).
+    #[track_caller]
+    pub fn calibrate(&self, gains: bool) -> Outcome {
+        self.calibration(gains).run(&|_| {}).unwrap()
+    }
+
+    /// What becomes of each of the robots' parameters, those `wanted` by robot and name; the
+    /// preferred come first, the rest in the default order.
+    pub fn choices(
+        &self,
+        preferred: &[(usize, usize)],
+        wanted: impl Fn(usize, &str) -> bool,
+    ) -> Vec<(String, Choice)> {
+        let nominal = self.arms.iter().map(|arm| arm.robot.nominal()).collect();
+        let begin = start(&self.arms, &self.sets, nominal, &State::default());
+        let derivatives = Derivatives::default();
+        let layout = Assembly::new(&self.arms, &self.sets, &begin, &derivatives).unwrap();
+        let mut preference = preferred.to_vec();
+        let rest = default_preference(&self.arms);
+        preference.extend(rest.into_iter().filter(|p| !preferred.contains(p)));
+        let columns = in_order(&layout, &preference, |owner| match owner {
+            Owner::Parameter { robot, parameter } => wanted(
+                *robot,
+                &self.arms[*robot].robot.parameters()[*parameter].name,
+            ),
+            _ => true,
+        });
+        let choices = select(&self.arms, &self.sets, &begin, &derivatives, &columns).unwrap();
+        layout
+            .columns
+            .iter()
+            .zip(choices)
+            .filter(|(column, _)| matches!(column.owner, Owner::Parameter { .. }))
+            .map(|(column, choice)| (column.name.clone(), choice))
+            .collect()
+    }
+}

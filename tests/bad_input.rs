@@ -387,6 +387,12 @@ fn two_robots_or_joints_of_one_name_are_refused() {
         .says(&["twice", "left"])
         .shows("[robots.left]");
     let cell = Cell::new();
+    cell.edit("robot.toml", "[[joint]]", "[joint]");
+    refused(&cell)
+        .at("robot.toml", 18)
+        .says(&["`joint` is there twice"])
+        .advises("[[joint]], with two brackets");
+    let cell = Cell::new();
     cell.edit("robot.toml", "\"elbow\"", "\"waist\"");
     refused(&cell)
         .at("robot.toml", 25)

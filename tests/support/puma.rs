@@ -131,6 +131,13 @@ impl Scene {
         scene
     }
 
+    /// The same robots, measured with other random numbers from here on.
+    #[must_use]
+    pub fn seeded(mut self, seed: u64) -> Self {
+        self.seed = seed;
+        self
+    }
+
     /// Adds `count` measurements (of each plane or point) with noise of `sigma` \[m; rad for
     /// rotations\].
     pub fn measure(mut self, what: &What, count: usize, sigma: f64) -> Self {
@@ -240,7 +247,7 @@ impl Scene {
             ),
             _ => true,
         });
-        let choices = select(&self.arms, &self.sets, &begin, &derivatives, &columns).unwrap();
+        let choices = select(&self.arms, &self.sets, &begin, &derivatives, &columns, &[]).unwrap();
         layout
             .columns
             .iter()

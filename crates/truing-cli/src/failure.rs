@@ -4,20 +4,19 @@ use miette::{
     Diagnostic, LabeledSpan, MietteHandlerOpts, NamedSource, ReportHandler as _, SourceCode,
 };
 use std::fmt;
-use std::io::IsTerminal as _;
 use std::path::{Path, PathBuf};
 use truing_robot::Error;
 use truing_robot::file::InputError;
 
 /// Bad input: exit status 2.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Failure {
     message: String,
     help: Option<String>,
     file: Option<PathBuf>,
     line: Option<usize>,
-    source: Option<NamedSource<String>>,
-    label: Option<LabeledSpan>,
+    /// The text of the file, and the part of it to underline.
+    source: Option<Box<(NamedSource<String>, LabeledSpan)>>,
 }
 
 impl Failure {
@@ -29,7 +28,6 @@ impl Failure {
             file: None,
             line: None,
             source: None,
-            label: None,
         }
     }
 
@@ -62,19 +60,51 @@ impl Failure {
 
 /// The failure as people read it on standard error, with the place in its file.
 ///
-/// Lines are broken between words to fit a terminal, and not at all elsewhere, so that a log can be
-/// searched for what was said.
+/// Lines are broken at spaces to fit a terminal, so that names stay whole, and not at all elsewhere,
+/// so that a log can be searched for what was said.
 pub struct Shown<'a>(pub &'a Failure);
+
+/// Columns that the mark before a message, or `help:`, takes.
+const MARGIN: usize = 8;
 
 impl fmt::Display for Shown<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        // A table knows the width of the terminal, and that there is none elsewhere.
+        let width = match comfy_table::Table::new().use_stderr().width() {
+            Some(width) => usize::from(width).saturating_sub(MARGIN).max(20),
+            None => usize::MAX,
+        };
+        let fitted = Failure {
+            message: fill(&self.0.to_string(), width),
+            help: self.0.help.as_deref().map(|help| fill(help, width)),
+            file: None,
+            ..self.0.clone()
+        };
         MietteHandlerOpts::new()
-            .wrap_lines(std::io::stderr().is_terminal())
-            .break_words(false)
+            .wrap_lines(false)
             .terminal_links(false)
             .build()
-            .debug(self.0, f)
+            .debug(&fitted, f)
     }
+}
+
+/// A text with line breaks in place of spaces, so that no line is wider unless it is one word.
+fn fill(text: &str, width: usize) -> String {
+    let mut out = String::new();
+    let mut used = 0;
+    for word in text.split(' ') {
+        let length = word.chars().count();
+        if used > 0 && used + 1 + length > width {
+            out.push('\n');
+            used = 0;
+        } else if used > 0 {
+            out.push(' ');
+            used += 1;
+        }
+        out.push_str(word);
+        used += length;
+    }
+    out
 }
 
 /// What the system says, without the number it gives it.
@@ -109,20 +139,19 @@ impl From<InputError> for Failure {
             file: Some(error.path),
             line: error.line,
             source: None,
-            label: None,
         };
         if let (Some(text), Some(span), Some(file)) = (error.text, error.span, &failure.file) {
             // A place at the end of the text has nothing to underline: what comes before it does.
             let end = text.trim_end().len();
-            let last = text.floor_char_boundary(end.saturating_sub(1));
+            let last = text[..end]
+                .char_indices()
+                .next_back()
+                .map_or(0, |(at, _)| at);
             if end > 0 {
                 let start = span.start.min(last);
                 let span = start..span.end.clamp(start, end);
-                failure.label = Some(LabeledSpan::underline(span));
-                failure.source = Some(NamedSource::new(
-                    file.display().to_string(),
-                    text.to_string(),
-                ));
+                let source = NamedSource::new(file.display().to_string(), text.to_string());
+                failure.source = Some(Box::new((source, LabeledSpan::underline(span))));
             }
         }
         failure
@@ -151,13 +180,12 @@ impl Diagnostic for Failure {
     }
 
     fn source_code(&self) -> Option<&dyn SourceCode> {
-        self.source.as_ref().map(|source| source as _)
+        self.source.as_ref().map(|source| &source.0 as _)
     }
 
     fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
-        self.label
-            .clone()
-            .map(|label| Box::new(std::iter::once(label)) as _)
+        let source = self.source.as_ref()?;
+        Some(Box::new(std::iter::once(source.1.clone())))
     }
 }
 

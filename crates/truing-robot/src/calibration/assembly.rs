@@ -44,9 +44,11 @@ impl State {
     /// The second tool point of a distance: the other robot's, or the same in its second posture.
     pub fn second_target(&self, set: &MeasurementSet) -> Vector3<f64> {
         match (&set.measured, &set.other_target) {
-            (Measured::Distance { other: Some(b), .. }, Some(name)) => {
-                self.targets.get(&(*b, name.clone())).copied().unwrap_or_default()
-            }
+            (Measured::Distance { other: Some(b), .. }, Some(name)) => self
+                .targets
+                .get(&(*b, name.clone()))
+                .copied()
+                .unwrap_or_default(),
             (Measured::Distance { other: None, .. }, _) => self.target(set),
             _ => Vector3::zeros(),
         }
@@ -174,7 +176,11 @@ impl Assembly {
                     let var = a.problem.add_variable::<Point3>(&name, &value);
                     a.targets.insert(key, var);
                     let prefix = &arms[robot].name;
-                    let full = if prefix.is_empty() { name.clone() } else { format!("{prefix}.{name}") };
+                    let full = if prefix.is_empty() {
+                        name.clone()
+                    } else {
+                        format!("{prefix}.{name}")
+                    };
                     a.name_columns(&Owner::Target(robot, name), &full, &["x", "y", "z"]);
                 }
             }

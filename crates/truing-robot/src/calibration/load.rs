@@ -505,11 +505,12 @@ impl Loader<'_> {
         } else {
             ("targets", "there is one robot: write target = \"…\"")
         };
-        if (if two {
+        let misplaced = if two {
             spec.target.is_some()
         } else {
             spec.targets.is_some()
-        }) {
+        };
+        if misplaced {
             let message = format!("`{wrong}` does not fit this distance");
             return Err(self
                 .file

@@ -202,7 +202,14 @@ impl Calibration {
             .iter()
             .map(|(robot, parameter, _)| layout.robot(*robot).column() + parameter)
             .collect();
-        let choices = select(&self.arms, &self.sets, &begin, derivatives, &wanted, &priors)?;
+        let choices = select(
+            &self.arms,
+            &self.sets,
+            &begin,
+            derivatives,
+            &wanted,
+            &priors,
+        )?;
         let rows: usize = self.sets.iter().map(|set| set.len() * set.dim()).sum();
         // What the structure allows: with too few rows, which of it these data excite is chance.
         let unknowns = choices
@@ -439,17 +446,21 @@ impl Calibration {
         warnings: &mut Vec<String>,
     ) {
         for set in validation {
-            if let (Some(registered), Some(after)) = (&set.registered, &set.after) {
-                if after.rms > registered.rms {
-                    let distrust = if after.rms > WORSE * registered.rms { DISTRUST } else { "" };
-                    warnings.push(format!(
+            if let (Some(registered), Some(after)) = (&set.registered, &set.after)
+                && after.rms > registered.rms
+            {
+                let distrust = if after.rms > WORSE * registered.rms {
+                    DISTRUST
+                } else {
+                    ""
+                };
+                warnings.push(format!(
                         "{distrust}the calibrated robot predicts `{}` worse than the registered nominal one: {:.4} mm \
                          against {:.4} mm RMS on rows that were not used",
                         set.name,
                         after.rms * 1e3,
                         registered.rms * 1e3
                     ));
-                }
             }
         }
         for (set, result) in self.sets.iter().zip(sets) {
@@ -471,7 +482,11 @@ impl Calibration {
             .iter()
             .zip(fitted.nominal.robots.iter().zip(&fitted.estimated.robots))
         {
-            let lengths = arm.robot.parameters().iter().zip(nominal.iter().zip(estimate));
+            let lengths = arm
+                .robot
+                .parameters()
+                .iter()
+                .zip(nominal.iter().zip(estimate));
             let lengths = lengths.filter(|(p, _)| p.unit() == Unit::Meter);
             let (mut total, mut change) = (0.0, 0.0);
             for (_, (nominal, estimate)) in lengths {

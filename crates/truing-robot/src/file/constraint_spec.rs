@@ -4,7 +4,8 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use super::constraint_values::{
-    columns, distance, frame_guess, holdout, loss, plane, rows, sigma, target_guess, two_robots, two_targets,
+    columns, distance, frame_guess, holdout, loss, plane, rows, sigma, target_guess, two_robots,
+    two_targets,
 };
 use super::error::{InputError, one_of, suggest};
 use super::item::Item;
@@ -383,7 +384,11 @@ mod tests {
             ),
             ("unknown-plane", "frame = 's'", "only `pose` or `position`"),
             ("pose", "targets = ['a', 'b']", "only `distance`"),
-            ("distance", "targets = ['a', 'b']\ntarget = 's'\ndistance = 1", "also `target`"),
+            (
+                "distance",
+                "targets = ['a', 'b']\ntarget = 's'\ndistance = 1",
+                "also `target`",
+            ),
             ("pose", "robots = ['a', 'b']", "only `distance`"),
             ("pose", "sgima = 1", "unknown key `sgima` in [[constraint]]"),
             ("pose", "data2 = 'x'", "unknown key"),

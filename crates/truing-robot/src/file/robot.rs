@@ -400,7 +400,7 @@ alpha = 17.0
             ("\"prismatic\"", "\"fixed\"", 20, "fixed"),
             ("\"waist\"", "\"q2\"", 18, "second joint"),
             ("[tool]", "[tol]", 23, "unknown key `tol`"),
-            ("[[joint]]", "[joint]", 0, "not TOML"),
+            ("[[joint]]", "[joint]", 18, "`joint` is there twice"),
         ] {
             assert!(PUMA.contains(from), "{from}");
             let error = error(&PUMA.replacen(from, to, 1));

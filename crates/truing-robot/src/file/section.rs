@@ -89,9 +89,14 @@ fn explain(error: &toml::de::Error, text: &str) -> (String, String) {
     let message: Vec<&str> = error.message().lines().map(str::trim).collect();
     let message = message.join("; ");
     if message == "duplicate key" {
+        let help = if text.contains(&format!("[[{found}]]")) {
+            format!("write [[{found}]], with two brackets, for every one of them")
+        } else {
+            "keep one of the two, or give one another name".to_owned()
+        };
         return (
             format!("`{}` is there twice; expected once", short(found)),
-            "keep one of the two, or give one another name".to_owned(),
+            help,
         );
     }
     let bare = found.starts_with(|c: char| c.is_alphabetic() || "./~".contains(c));

@@ -299,7 +299,7 @@ fn constraint(
         &mut table,
         "planes",
         "a number of planes, or a list of planes",
-        |item| plane_of(item),
+        plane_of,
     )?;
     let points = places(
         &mut table,

@@ -11,7 +11,7 @@ pub struct Tolerances {
     pub cost: f64,
     /// Step relative to the point: ‖δ‖ ≤ step · (‖x‖ + step). Default 1e-14.
     pub step: f64,
-    /// Most iterations (trial steps). Default 200.
+    /// Most iterations (trial steps). Default 500.
     pub max_iterations: u64,
 }
 
@@ -21,7 +21,7 @@ impl Default for Tolerances {
             gradient: 1e-12,
             cost: 1e-14,
             step: 1e-14,
-            max_iterations: 200,
+            max_iterations: 500,
         }
     }
 }

@@ -50,4 +50,11 @@ pub trait StepSolver {
     /// # Errors
     /// With λ = 0, names the first free column that depends on those before it.
     fn step(&mut self, lambda: f64, bounds: Option<&StepBounds>) -> Result<Step, Dependent>;
+
+    /// The solution a of (JᵀJ + λD²) a = −g over the free columns, with the λ of the last step and
+    /// g one number a column; `None` where the solver cannot tell. Second-order corrections of a
+    /// step are made with it.
+    fn correction(&self, _g: &[f64]) -> Option<Vec<f64>> {
+        None
+    }
 }

@@ -10,6 +10,8 @@ use faer::Mat;
 pub struct Qr {
     /// Upper triangle of [J D⁻¹ | r] ((n + 1) × (n + 1)): R, and Qᵀr in the last column.
     triangle: Option<Mat<f64>>,
+    /// The triangle of the last damped system.
+    damped: Option<Mat<f64>>,
     free: Vec<usize>,
     scale: Vec<f64>,
     cols: usize,
@@ -135,11 +137,32 @@ impl StepSolver for Qr {
                 *delta = delta.clamp(*lower, *upper);
             }
         }
+        self.damped = Some(damped);
         let scaled_norm = y.iter().map(|y| y * y).sum::<f64>().sqrt();
         Ok(Step {
             delta,
             predicted: predicted.max(0.0),
             scaled_norm,
         })
+    }
+
+    fn correction(&self, g: &[f64]) -> Option<Vec<f64>> {
+        let r = self.damped.as_ref()?;
+        let n = self.free.len();
+        // Rᵀ u = −D⁻¹ g, then R y = u, then a = D⁻¹ y.
+        let mut y = vec![0.0; n];
+        for i in 0..n {
+            let known: f64 = (0..i).map(|k| r[(k, i)] * y[k]).sum();
+            y[i] = (-g[self.free[i]] / self.scale[i] - known) / r[(i, i)];
+        }
+        for i in (0..n).rev() {
+            let known: f64 = (i + 1..n).map(|k| r[(i, k)] * y[k]).sum();
+            y[i] = (y[i] - known) / r[(i, i)];
+        }
+        let mut a = vec![0.0; self.cols];
+        for ((y, scale), column) in y.iter().zip(&self.scale).zip(&self.free) {
+            a[*column] = y / scale;
+        }
+        a.iter().all(|a| a.is_finite()).then_some(a)
     }
 }

@@ -74,8 +74,8 @@ pub fn run(out: &mut dyn Write) -> Result<CalibrationResult, Box<dyn Error>> {
     // ANCHOR: run
     // 5. One calibration takes them all. It finds its own starting values for the tracker, the
     //    reflector, the plane and the points, and estimates what the data can identify.
-    let gain = |p: &truing_robot::kinematics::Parameter| p.kind == ParameterKind::Gain;
-    let wanted = robot.parameters().iter().map(|p| !gain(p)).collect();
+    let parameters = robot.parameters().iter();
+    let wanted = parameters.map(|p| p.kind != ParameterKind::Gain).collect();
     let mut calibration = Calibration::new(vec![Arm::only(robot)], vec![tracker, touches, cones]);
     calibration.estimate.wanted = vec![wanted];
     let result = calibration.run(&|_stage| {})?.result;

@@ -378,6 +378,27 @@ fn a_result_that_did_not_converge_exits_with_1_and_is_not_written() {
 }
 
 #[test]
+fn a_result_that_must_not_be_trusted_exits_with_1_and_says_why() {
+    // Postures in the open air are no touches of a plane: only an arm without lengths fits them.
+    let cell = Cell::new();
+    cell.edit("calibration.toml", "\"position\"", "\"unknown-plane\"");
+    let run = cell.run(&[&SAVE[..], &["--json"]].concat());
+    assert_eq!(run.status, 1, "{}", run.stderr);
+    let result = run.json();
+    assert_eq!(result["trusted"], false);
+    let warnings = result["warnings"].as_array().unwrap();
+    let said = warnings
+        .iter()
+        .any(|w| w.as_str().unwrap().starts_with("not to be trusted"));
+    assert!(
+        said || result["termination"]["converged"] == false,
+        "{}",
+        run.stderr
+    );
+    assert!(!cell.path("out").exists());
+}
+
+#[test]
 fn wrong_arguments_exit_with_2() {
     let cell = Cell::new();
     for arguments in [

@@ -9,7 +9,7 @@ use puma::{Scene, What, puma, puma_with, table, two_pumas};
 use truing::manifold::Plane;
 use truing::nalgebra::{Matrix3, Vector3};
 use truing_robot::Robot;
-use truing_robot::calibration::{Arm, Choice, Status};
+use truing_robot::calibration::{Arm, Choice, Measured, Status};
 use truing_robot::file::RobotFile;
 
 /// A point with room around it.
@@ -253,50 +253,79 @@ fn the_base_is_held_where_nothing_outside_the_robot_is_known() {
                 .collect()
         };
         let base = ["theta0", "r0", "alpha1", "d1", "theta1", "r1"];
-        for name in of(Status::Held) {
-            assert!(base.contains(&name), "{what:?}: {name}");
-        }
+        assert_eq!(of(Status::Held), base, "{what:?}");
         let r6 = result.parameters.iter().find(|p| p.name == "r6").unwrap();
         assert_eq!(r6.status, Status::Regrouped);
         let into: Vec<&str> = r6.into.iter().flatten().map(|(n, _)| n.as_str()).collect();
         for length in ["r2", "d3", "d4", "r4", "d7"] {
             assert!(into.contains(&length), "r6 goes with {length}: {into:?}");
         }
-        println!("{what:?}: held {:?}", of(Status::Held));
     }
 }
 
+/// The same readings as if the flange had never moved.
+fn park(scene: &mut Scene, at: f64) {
+    let (robot, truth) = (&scene.arms[0].robot, &scene.truth.robots[0]);
+    let set = &mut scene.sets[0];
+    for q in &mut set.q {
+        q[5] = at;
+    }
+    let seen = set.q.iter().map(|q| robot.forward(truth, q).translation);
+    set.measured = Measured::Position(seen.collect());
+}
+
 /// A joint that never moves in the data: the structure would allow its parameters, these data do not.
-/// A PUMA with five joints and a tool point has 4 × 5 + 3 parameters and 5 gains.
+/// A PUMA with five joints and a tool point has 4 × 5 + 3 parameters and 5 gains, and those before
+/// the flange come out exactly.
 #[test]
 fn what_a_parked_joint_would_tell_is_not_excited_and_stays_nominal() {
-    let arms = vec![Arm::only(puma())];
-    let mut scene = Scene::perturbed(arms, 3, |_, _| true);
-    // The same as never having moved the flange: the gain does nothing at zero.
-    scene.arms[0].robot = puma_with("limits = [-266.0, 266.0]", "limits = [0.2, 0.2]");
-    let mut scene = scene.measure(&What::Position, 60, 5e-5);
-    scene.arms[0].robot = puma();
-    assert!(scene.sets[0].q.iter().all(|q| q[5] == 0.2));
+    for parked in [0.0, 0.2] {
+        let robot = puma();
+        let before =
+            |p: usize| robot.parameters()[p].frame <= 5 && p != robot.parameter("r3").unwrap();
+        let arms = vec![Arm::only(robot.clone())];
+        let scene = Scene::perturbed(arms, 3, |_, p| before(p));
+        let mut scene = scene.measure(&What::Position, 60, 0.0);
+        park(&mut scene, parked);
 
-    let outcome = scene.calibrate(true);
-    assert!(outcome.result.trusted);
-    assert_eq!(outcome.result.identifiable, 4 * 5 + 3 + 5);
-    let unexcited: Vec<&str> = outcome
-        .result
-        .parameters
-        .iter()
-        .filter(|p| p.status == Status::Unexcited)
-        .map(|p| {
-            assert_eq!(p.estimate, p.nominal, "{}", p.name);
-            assert_eq!(p.sigma, None, "{}", p.name);
-            p.name.as_str()
-        })
-        .collect();
-    assert_eq!(unexcited.len(), 33 - 28, "{unexcited:?}");
-    assert!(unexcited.contains(&"K6"), "{unexcited:?}");
-    // All of the flange or the tool.
-    let last = |name: &&str| name.ends_with('6') || name.ends_with('7');
-    assert!(unexcited.iter().all(last), "{unexcited:?}");
+        let outcome = scene.calibrate(true);
+        assert!(outcome.result.trusted);
+        assert_eq!(outcome.result.identifiable, 4 * 5 + 3 + 5);
+        let parameters = outcome.result.parameters.iter();
+        let unexcited = parameters.filter(|p| p.status == Status::Unexcited);
+        let names: Vec<&str> = unexcited
+            .map(|p| {
+                assert_eq!(p.estimate, p.nominal, "{}", p.name);
+                assert_eq!(p.sigma, None, "{}", p.name);
+                p.name.as_str()
+            })
+            .collect();
+        assert_eq!(names.len(), 33 - 28, "{names:?}");
+        assert!(names.contains(&"K6"), "{names:?}");
+        // All of them place the flange or the tool.
+        let last = |name: &&str| name.ends_with('6') || name.ends_with('7');
+        assert!(names.iter().all(last), "{names:?}");
+        let truth = scene.truth.robots[0].iter();
+        for (p, truth) in outcome.result.parameters.iter().zip(truth) {
+            assert!((p.estimate - truth).abs() < 1e-9, "{}", p.name);
+        }
+    }
+}
+
+/// Errors of a flange that is parked are taken over all the same: by a parameter that moves the tool
+/// as they do, not by one that would have to turn far for it.
+#[test]
+fn with_a_parked_joint_the_errors_behind_it_are_taken_over() {
+    for seed in 1..=10 {
+        let arms = vec![Arm::only(puma())];
+        let mut scene = Scene::perturbed(arms, seed, |_, _| true).measure(&What::Position, 60, 0.0);
+        park(&mut scene, 0.2);
+        let result = scene.calibrate(true).result;
+        assert_eq!(result.identifiable, 4 * 5 + 3 + 5);
+        assert!(result.trusted);
+        let after = result.constraints[0].after.as_ref().unwrap();
+        assert!(after.max < 1e-9, "{} m", after.max);
+    }
 }
 
 /// Rank is a matter of the robot, not of the noise: 1 mm of it, and errors of the robot itself, do
@@ -341,13 +370,25 @@ fn the_user_decides_which_of_several_is_estimated() {
     assert!(other.contains(&"r3".to_owned()) && !other.contains(&"r2".to_owned()));
     assert_eq!(usual.len(), other.len());
 
-    // The length that stands for the scale: r6 is estimated and the last of the others is held.
+    // The length that stands for the scale: with all others preferred, the upper arm. (The tool's
+    // r7 lies askew to the flange: what it does, r6 and theta6 do together.)
     let plane = scene(&puma(), &[What::UnknownPlane(vec![table()])]);
-    let lengths = ["r6", "r2", "r4", "d4", "d7", "d3"];
-    let kept = estimated(&plane, &lengths);
+    let others = ["r6", "theta6", "r2", "r4", "d4", "d7"];
+    let kept = estimated(&plane, &others);
     assert_eq!(kept.len(), 20);
-    for name in &lengths[..5] {
+    for name in others {
         assert!(kept.iter().any(|k| k == name), "{name}: {kept:?}");
     }
     assert!(!kept.contains(&"d3".to_owned()), "{kept:?}");
+
+    // A calibration asks the same way.
+    let mut calibration = positions.calibration(false);
+    calibration.estimate.preference = vec![number("r3")];
+    let result = calibration.run(&|_| {}).unwrap().result;
+    let status = |name: &str| {
+        let found = result.parameters.iter().find(|p| p.name == name);
+        found.unwrap().status.clone()
+    };
+    assert_eq!(status("r3"), Status::Estimated);
+    assert_eq!(status("r2"), Status::Regrouped);
 }

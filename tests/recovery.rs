@@ -193,8 +193,13 @@ fn errors_of_parameters_that_are_not_estimated_are_taken_over() {
         (What::UnknownPlane(vec![table()]), 120),
         (What::SamePoint(visits()), 20),
         (What::TwoPostures(0.5), 100),
+        (What::TwoArms(0.116), 250),
     ] {
-        let scene = Scene::perturbed(one(), 5, |_, _| true).measure(&what, count, 0.0);
+        let arms = match what {
+            What::TwoArms(_) => two_pumas(),
+            _ => one(),
+        };
+        let scene = Scene::perturbed(arms, 5, |_, _| true).measure(&what, count, 0.0);
         let mut calibration = scene.calibration(true);
         calibration.held_out.push((0, fresh(&scene, 0)));
         let outcome = calibration.run(&|_| {}).unwrap();

@@ -20,7 +20,7 @@ pub fn run(arguments: &Calibrate, streams: &Streams) -> Result<Ending, Failure> 
     let file = CalibrationFile::read(&arguments.file)?;
     let mut calibration = load(&file)?;
     tracing::info!(
-        "{} robots, {} sets of measurements, {} measurements",
+        "robots: {}, sets of measurements: {}, measurements: {}",
         calibration.arms.len(),
         calibration.sets.len(),
         calibration.sets.iter().map(|set| set.len()).sum::<usize>()

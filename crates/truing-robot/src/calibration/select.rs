@@ -18,6 +18,10 @@ const STRUCTURE: f64 = 1e-5;
 /// What is left of a scaled column at the data's own configurations, below which they do not move it.
 const EXCITATION: f64 = 1e-7;
 
+/// What is left of a parameter's scaled column at the data's own configurations, above which it is
+/// kept before all others.
+const EXCITED_WELL: f64 = 0.3;
+
 /// A robot's parameter that the data leave uncertain by more than this [m, rad or 1], even if those
 /// preferred to it were known, is worse determined than by any drawing.
 const WEAKEST: f64 = 0.1;
@@ -118,6 +122,15 @@ pub fn select(
         .copied()
         .filter(|c| choices[*c] == Choice::Estimated)
         .collect();
+    // Where the data leave a choice that the structure does not, a parameter of which little is left
+    // is the last to be kept: in place of another it would have to move far.
+    let order: Vec<usize> = (0..kept.len()).collect();
+    let status = base_columns(&compressed(&data, &kept), &order, EXCITED_WELL);
+    let (well, hardly): (Vec<usize>, Vec<usize>) = order.iter().partition(|k| {
+        let parameter = matches!(data.columns[kept[**k]].owner, Owner::Parameter { .. });
+        !parameter || status[**k] == ColumnStatus::Identifiable
+    });
+    kept = well.iter().chain(&hardly).map(|k| kept[*k]).collect();
     // Left out one by one, since leaving one out is what the next may need to be determined.
     loop {
         let triangle = compressed(&data, &kept);

@@ -68,7 +68,7 @@ fn count(scene: &Scene, wanted: Wanted) -> usize {
 /// The lists of section IV, which hold with and without β₃, with and without the gains.
 #[track_caller]
 fn loses(what: What, names: &str) {
-    let scene = scene(&puma(), &[what.clone()]);
+    let scene = scene(&puma(), std::slice::from_ref(&what));
     let mut expected: Vec<&str> = names.split_whitespace().collect();
     expected.sort_unstable();
     for wanted in [GEOMETRY, WITHOUT_BETA, WITH_GAINS, GAINS_WITHOUT_BETA] {
@@ -245,7 +245,9 @@ fn the_base_is_held_where_nothing_outside_the_robot_is_known() {
         What::SamePoint(vec![corner()]),
         What::UnknownPlane(vec![table()]),
     ] {
-        let result = scene(&puma(), &[what.clone()]).calibrate(false).result;
+        let result = scene(&puma(), std::slice::from_ref(&what))
+            .calibrate(false)
+            .result;
         let of = |status: Status| -> Vec<&str> {
             let all = result.parameters.iter();
             all.filter(|p| p.status == status)
@@ -338,7 +340,7 @@ fn noise_does_not_change_what_is_identified() {
         (What::SamePoint(vec![corner()]), 26),
         (What::Position, 33),
     ] {
-        let clean = scene(&puma(), &[what.clone()]);
+        let clean = scene(&puma(), std::slice::from_ref(&what));
         let clean = clean.choices(&[], WITH_GAINS);
         for seed in 1..=5 {
             let arms = vec![Arm::only(puma())];

@@ -1,6 +1,7 @@
 //! Results as people read them.
 
 use comfy_table::{CellAlignment, ContentArrangement, Table, presets};
+use std::collections::BTreeSet;
 use std::fmt::Write;
 use truing_robot::calibration::{
     CalibrationResult, ErrorSummary, ParameterResult, SetResult, Status,
@@ -104,23 +105,39 @@ fn people(p: &ParameterResult) -> (f64, &'static str) {
     }
 }
 
-fn parameter_rows(table: &mut Table, p: &ParameterResult) {
+/// What takes a parameter's effect over: parameters with their coefficients, then the names of the
+/// frames, tool points, planes and points that move along.
+fn taken_over(p: &ParameterResult, robot: &BTreeSet<&str>) -> String {
+    let mut parts: Vec<String> = Vec::new();
+    for (name, coefficient) in p.into.iter().flatten() {
+        if robot.contains(name.as_str()) {
+            parts.push(format!("{} {name}", signed(*coefficient)));
+            continue;
+        }
+        let owner = name
+            .rsplit_once('.')
+            .map_or(name.as_str(), |(owner, _)| owner)
+            .to_owned();
+        if !parts.contains(&owner) {
+            parts.push(owner);
+        }
+    }
+    const SHOWN: usize = 4;
+    let more = if parts.len() > SHOWN { ", …" } else { "" };
+    let parts = parts
+        .iter()
+        .take(SHOWN)
+        .cloned()
+        .collect::<Vec<_>>()
+        .join(", ");
+    format!("{} ({parts}{more})", p.status.name())
+}
+
+fn parameter_rows(table: &mut Table, p: &ParameterResult, robot: &BTreeSet<&str>) {
     let (factor, unit) = people(p);
     let status = match (&p.status, p.at_bound) {
         (Status::Estimated, Some(side)) => format!("estimated, at its {side} bound"),
-        (Status::Regrouped, _) => {
-            let into: Vec<String> = p
-                .into
-                .iter()
-                .flatten()
-                .map(|(name, c)| format!("{} {name}", signed(*c)))
-                .collect();
-            let more = if into.len() > 3 { " …" } else { "" };
-            format!(
-                "regrouped: {}{more}",
-                into.iter().take(3).cloned().collect::<Vec<_>>().join(" ")
-            )
-        }
+        (Status::Regrouped | Status::Held, _) => taken_over(p, robot),
         (status, _) => status.name().to_owned(),
     };
     let estimated = p.status == Status::Estimated;
@@ -179,8 +196,9 @@ pub fn result(result: &CalibrationResult) -> String {
         &["name", "nominal", "estimate", "change", "σ", "", "status"],
         &[0, 5, 6],
     );
+    let robot: BTreeSet<&str> = result.parameters.iter().map(|p| p.name.as_str()).collect();
     for p in &result.parameters {
-        parameter_rows(&mut parameters, p);
+        parameter_rows(&mut parameters, p, &robot);
     }
     out.push_str(&lines(&parameters));
     for frame in &result.frames {

@@ -158,16 +158,16 @@ impl Assembly {
         // A constraint cannot be on one variable twice: the other robot's tool origin is another one.
         let other_origin = a.constant_point("other tool origin");
         for set in sets {
-            if let Some(name) = &set.frame {
-                if !a.frames.contains_key(name) {
-                    let var = a.problem.add_variable::<Pose3>(name, &state.sensor(set));
-                    a.frames.insert(name.clone(), var);
-                    a.name_columns(
-                        &Owner::Frame(name.clone()),
-                        name,
-                        &["x", "y", "z", "rx", "ry", "rz"],
-                    );
-                }
+            if let Some(name) = &set.frame
+                && !a.frames.contains_key(name)
+            {
+                let var = a.problem.add_variable::<Pose3>(name, &state.sensor(set));
+                a.frames.insert(name.clone(), var);
+                a.name_columns(
+                    &Owner::Frame(name.clone()),
+                    name,
+                    &["x", "y", "z", "rx", "ry", "rz"],
+                );
             }
             for key in set.targets() {
                 if !a.targets.contains_key(&key) {

@@ -1,8 +1,10 @@
 //! Calibrations: robots, sets of measurements, what to estimate, and the result.
 
 mod assembly;
+mod data;
 mod load;
 mod measurement;
+mod names;
 mod result;
 mod run;
 mod select;
@@ -10,8 +12,9 @@ mod start;
 
 pub use assembly::{Assembly, Column, Owner, State};
 pub use load::load;
-pub(crate) use load::{Names, in_unit_of, read_arms};
+pub(crate) use load::read_arms;
 pub use measurement::{Arm, Groups, Measured, MeasurementSet, Sigma};
+pub(crate) use names::{Names, in_unit_of};
 pub use result::{
     CalibrationResult, ErrorSummary, FrameEstimate, ParameterResult, PlaneEstimate, PointEstimate,
     SetResult, Status, TargetEstimate, TerminationReport,

@@ -493,6 +493,22 @@ impl Calibration {
                 total += nominal.abs();
                 change += (estimate - nominal) * (estimate - nominal);
             }
+            let turned = arm
+                .robot
+                .parameters()
+                .iter()
+                .zip(nominal.iter().zip(estimate));
+            let turned = turned.filter(|(p, _)| p.unit() == Unit::Radian);
+            let most = turned
+                .map(|(p, (nominal, estimate))| (&p.name, (estimate - nominal).abs()))
+                .max_by(|a, b| a.1.total_cmp(&b.1));
+            if let Some((name, angle)) = most.filter(|(_, angle)| *angle > TURNED) {
+                warnings.push(format!(
+                    "{DISTRUST}{name} moved by {:.0}°: check the zero positions and signs in the robot file, or add a \
+                     `prior` about nominal",
+                    angle.to_degrees()
+                ));
+            }
             if change.sqrt() > DEFORMED * total {
                 warnings.push(format!(
                     "{DISTRUST}the lengths of {} moved by {:.0} mm in all, of {total:.3} m: the data do not determine \
@@ -539,6 +555,9 @@ const WORSE: f64 = 1.1;
 /// The lengths of a robot may move by this share of their sum: no drawing is that wrong, but an
 /// arm that collapses onto a point moves by as much as it is long.
 const DEFORMED: f64 = 0.1;
+
+/// An angle may move by this much [rad]: a joint's zero is set better than that.
+const TURNED: f64 = 0.5;
 
 /// A list in words, its first eight entries if it is longer.
 fn shortened(all: &[String]) -> String {

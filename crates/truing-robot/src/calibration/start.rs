@@ -142,7 +142,8 @@ pub fn best_fit_plane(points: &[Vector3<f64>]) -> Plane<f64> {
     let eigen = scatter.symmetric_eigen();
     let smallest = eigen.eigenvalues.imin();
     let mut normal: Vector3<f64> = eigen.eigenvectors.column(smallest).into_owned();
-    if !(normal.norm() > 0.5) {
+    let found = normal.norm() > 0.5;
+    if !found {
         normal = Vector3::z();
     }
     if normal.dot(&center) < 0.0 {
@@ -256,10 +257,10 @@ fn register(arms: &[Arm], sets: &[&MeasurementSet], name: &str, state: &mut Stat
         (error, sensor, targets)
     };
     let mut candidates = vec![refine(state.targets.clone())];
-    if !unknown.is_empty() {
-        if let Some(linear) = linear_targets(&readings, &unknown, &state.targets) {
-            candidates.push(refine(linear));
-        }
+    if !unknown.is_empty()
+        && let Some(linear) = linear_targets(&readings, &unknown, &state.targets)
+    {
+        candidates.push(refine(linear));
     }
     if let Some((_, sensor, targets)) = candidates.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)) {
         state.frames.insert(name.to_owned(), sensor);

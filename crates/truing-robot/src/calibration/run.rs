@@ -266,6 +266,16 @@ impl Calibration {
             }
         };
         self.warn(&fitted, &constraints, &validation, &mut warnings);
+        let still: Vec<String> = (0..choices.len())
+            .filter(|c| choices[*c] == Choice::Unexcited)
+            .map(|c| assembly.columns[c].name.clone())
+            .collect();
+        if !still.is_empty() {
+            warnings.push(format!(
+                "not determined by these data, held at the start (`unexcited`): {}; measure in more varied postures",
+                shortened(&still)
+            ));
+        }
         let report = Report {
             calibration: self,
             assembly: &assembly,

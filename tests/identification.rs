@@ -254,10 +254,11 @@ fn the_base_is_held_where_nothing_outside_the_robot_is_known() {
                 .map(|p| p.name.as_str())
                 .collect()
         };
-        let base = ["theta0", "r0", "alpha1", "d1", "theta1", "r1"];
-        assert_eq!(of(Status::Held), base, "{what:?}");
+        let held = ["theta0", "r0", "alpha1", "d1", "theta1", "r1", "r6"];
+        assert_eq!(of(Status::Held), held, "{what:?}");
+        let scale = |w: &String| w.contains("leave the scale free") && w.contains("held by r6");
+        assert!(result.warnings.iter().any(scale), "{:?}", result.warnings);
         let r6 = result.parameters.iter().find(|p| p.name == "r6").unwrap();
-        assert_eq!(r6.status, Status::Regrouped);
         let into: Vec<&str> = r6.into.iter().flatten().map(|(n, _)| n.as_str()).collect();
         for length in ["r2", "d3", "d4", "r4", "d7"] {
             assert!(into.contains(&length), "r6 goes with {length}: {into:?}");
@@ -265,15 +266,18 @@ fn the_base_is_held_where_nothing_outside_the_robot_is_known() {
     }
 }
 
-/// The same readings as if the flange had never moved.
-fn park(scene: &mut Scene, at: f64) {
+/// Readings as if a joint had never moved.
+fn park(scene: &mut Scene, joint: usize, at: f64) {
     let (robot, truth) = (&scene.arms[0].robot, &scene.truth.robots[0]);
     let set = &mut scene.sets[0];
     for q in &mut set.q {
-        q[5] = at;
+        q[joint] = at;
     }
-    let seen = set.q.iter().map(|q| robot.forward(truth, q).translation);
-    set.measured = Measured::Position(seen.collect());
+    let seen = set.q.iter().map(|q| robot.forward(truth, q));
+    set.measured = match set.measured {
+        Measured::Pose(_) => Measured::Pose(seen.collect()),
+        _ => Measured::Position(seen.map(|pose| pose.translation).collect()),
+    };
 }
 
 /// A joint that never moves in the data: the structure would allow its parameters, these data do not.
@@ -288,7 +292,7 @@ fn what_a_parked_joint_would_tell_is_not_excited_and_stays_nominal() {
         let arms = vec![Arm::only(robot.clone())];
         let scene = Scene::perturbed(arms, 3, |_, p| before(p));
         let mut scene = scene.measure(&What::Position, 60, 0.0);
-        park(&mut scene, parked);
+        park(&mut scene, 5, parked);
 
         let outcome = scene.calibrate(true);
         assert!(outcome.result.trusted);
@@ -314,19 +318,32 @@ fn what_a_parked_joint_would_tell_is_not_excited_and_stays_nominal() {
     }
 }
 
-/// Errors of a flange that is parked are taken over all the same: by a parameter that moves the tool
-/// as they do, not by one that would have to turn far for it.
+/// Whichever joint is parked, and where: its gain is not estimated (even where an angle beside it,
+/// like θ₁, gives way to all gains by preference), and all errors are taken over by parameters that
+/// move the tool as they do, not by one that would have to turn far for it.
 #[test]
-fn with_a_parked_joint_the_errors_behind_it_are_taken_over() {
-    for seed in 1..=10 {
-        let arms = vec![Arm::only(puma())];
-        let mut scene = Scene::perturbed(arms, seed, |_, _| true).measure(&What::Position, 60, 0.0);
-        park(&mut scene, 0.2);
-        let result = scene.calibrate(true).result;
-        assert_eq!(result.identifiable, 4 * 5 + 3 + 5);
-        assert!(result.trusted);
-        let after = result.constraints[0].after.as_ref().unwrap();
-        assert!(after.max < 1e-9, "{} m", after.max);
+fn with_any_joint_parked_the_errors_beside_it_are_taken_over() {
+    for (what, expected) in [(What::Position, 4 * 5 + 3 + 5), (What::Pose, 4 * 5 + 6 + 5)] {
+        for (joint, at) in (0..6).flat_map(|joint| [(joint, 0.0), (joint, 0.2), (joint, -0.7)]) {
+            let arms = vec![Arm::only(puma())];
+            let scene = Scene::perturbed(arms, 4 + joint as u64, |_, _| true);
+            let mut scene = scene.measure(&what, 60, 0.0);
+            park(&mut scene, joint, at);
+            let result = scene.calibrate(true).result;
+            assert!(result.trusted);
+            assert_eq!(result.identifiable, expected, "{what:?}, joint {joint}");
+            let gain = format!("K{}", joint + 1);
+            let gain = result.parameters.iter().find(|p| p.name == gain).unwrap();
+            assert_eq!(gain.status, Status::Unexcited, "{} at {at}", gain.name);
+            // Errors are of 0.3°: at the wrist's lever of 0.1 m, 1 mm is another 0.6°.
+            let angles = result.parameters.iter().filter(|p| p.unit == "rad");
+            for p in angles {
+                let moved = (p.estimate - p.nominal).to_degrees();
+                assert!(moved.abs() < 5.0, "{}: {moved}°", p.name);
+            }
+            let after = result.constraints[0].after.as_ref().unwrap();
+            assert!(after.max < 1e-9, "joint {joint} at {at}: {} m", after.max);
+        }
     }
 }
 

@@ -101,15 +101,17 @@ fn files(outcome: &Outcome, source: &std::path::Path, result: &str) -> Files {
         } else {
             format!("robot-{name}.toml")
         };
-        let header = format!(
-            "Calibrated by truing {} from {}: {}.",
-            env!("CARGO_PKG_VERSION"),
-            source.file_name().map_or_else(
-                || source.display().to_string(),
-                |n| n.to_string_lossy().into_owned()
-            ),
-            outcome.result.termination.message
+        let made_from = source.file_name().map_or_else(
+            || source.display().to_string(),
+            |n| n.to_string_lossy().into_owned(),
         );
+        let version = env!("CARGO_PKG_VERSION");
+        let trust = if outcome.result.trusted {
+            ""
+        } else {
+            " NOT TO BE TRUSTED: see result.json."
+        };
+        let header = format!("Calibrated by truing {version} from {made_from}.{trust}");
         files.push((PathBuf::from(path), robot.to_toml(&header)));
     }
     files

@@ -14,7 +14,7 @@ fn number(x: f64) -> String {
         "0".into()
     } else if size < 1e-4 {
         format!("{x:.1e}")
-    } else if size < 100.0 {
+    } else if size < 1e4 {
         format!("{x:.4}")
     } else {
         format!("{x:.2}")

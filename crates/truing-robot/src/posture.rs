@@ -4,7 +4,7 @@ use crate::kinematics::{DifferentiateChain, FrameWise, JointKind, Regressor, Rob
 use rand::Rng;
 use truing::nalgebra::{DMatrix, DVector, Vector3};
 
-/// Residual below which a condition holds [m].
+/// Residual below which a condition holds \[m\].
 pub const EXACT: f64 = 1e-12;
 
 /// A robot as it is posed: its parameters and the tool point that has to be somewhere.
@@ -14,7 +14,7 @@ pub struct Posed<'a> {
     pub robot: &'a Robot,
     /// Its parameters.
     pub parameters: &'a [f64],
-    /// The tool point in the tool frame [m].
+    /// The tool point in the tool frame \[m\].
     pub target: Vector3<f64>,
 }
 
@@ -55,7 +55,7 @@ pub fn random(limits: &[[f64; 2]], rng: &mut impl Rng) -> Vec<f64> {
 /// Moves `q` by damped minimum-norm Newton steps inside `limits` until every row of `condition` is
 /// below [`EXACT`]; `None` if that fails.
 ///
-/// `condition` returns the residual rows [m] and their Jacobian (rows × joints).
+/// `condition` returns the residual rows \[m\] and their Jacobian (rows × joints).
 pub fn satisfy(
     mut q: Vec<f64>,
     limits: &[[f64; 2]],

@@ -12,7 +12,8 @@ pub struct ColumnDifference {
     pub row: usize,
     /// The entries there.
     pub entries: (f64, f64),
-    /// Largest difference over the larger of the column's norm and the tolerance's floor of one part in 10³⁰⁰.
+    /// Largest difference over the column's norm, or over a millionth of the longest column's where
+    /// that is more: a column without effect holds only rounding.
     pub relative: f64,
 }
 
@@ -32,12 +33,16 @@ pub fn compare(a: &Linearization, b: &Linearization) -> Vec<ColumnDifference> {
         "the Jacobians have different columns"
     );
     let rows = a.structure.rows;
+    let longest = (0..a.structure.cols())
+        .map(|c| a.column_norm(c).max(b.column_norm(c)))
+        .fold(0.0, f64::max);
+    let floor = (1e-6 * longest).max(f64::MIN_POSITIVE);
     let mut differences: Vec<ColumnDifference> = (0..a.structure.cols())
         .map(|column| {
             let mut dense = vec![(0.0, 0.0); rows];
             a.column(column).for_each(|(row, j)| dense[row].0 = j);
             b.column(column).for_each(|(row, j)| dense[row].1 = j);
-            let norm = a.column_norm(column).max(b.column_norm(column)).max(1e-300);
+            let norm = a.column_norm(column).max(b.column_norm(column)).max(floor);
             let size = |(x, y): (f64, f64)| {
                 if (x - y).is_nan() {
                     f64::INFINITY

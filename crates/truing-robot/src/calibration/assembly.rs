@@ -5,6 +5,7 @@ use crate::constraint::{
     Chain, Derivatives, Distance, KnownPlane, MeasuredPose, Position, PostureDistance, SamePoint,
     UnknownPlane,
 };
+use crate::kinematics::Unit;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use truing::manifold::{Plane, Plane3, Point3, Pose, Pose3, Vector};
@@ -18,13 +19,13 @@ pub struct State {
     pub robots: Vec<Vec<f64>>,
     /// Sensor frames by name: their poses in the reference frame.
     pub frames: BTreeMap<String, Pose<f64>>,
-    /// Tool points by robot and name, in the tool frame [m].
+    /// Tool points by robot and name, in the tool frame \[m\].
     pub targets: BTreeMap<(usize, String), Vector3<f64>>,
     /// Planes of every set, by group.
     pub planes: Vec<Vec<Plane<f64>>>,
-    /// Points of every set, by group [m].
+    /// Points of every set, by group \[m\].
     pub points: Vec<Vec<Vector3<f64>>>,
-    /// Distances of every set [m]; zero for kinds that have none.
+    /// Distances of every set \[m\]; zero for kinds that have none.
     pub distances: Vec<f64>,
 }
 
@@ -104,6 +105,8 @@ pub struct Assembly {
     /// Every column.
     pub columns: Vec<Column>,
     robots: Vec<Var<Vector>>,
+    /// Which parameters of each robot are lengths.
+    lengths: Vec<Vec<bool>>,
     frames: BTreeMap<String, Var<Pose3>>,
     targets: BTreeMap<(usize, String), Var<Point3>>,
     planes: Vec<Vec<Var<Plane3>>>,
@@ -131,6 +134,16 @@ impl Assembly {
             problem: Problem::new(),
             columns: Vec::new(),
             robots: Vec::new(),
+            lengths: arms
+                .iter()
+                .map(|arm| {
+                    arm.robot
+                        .parameters()
+                        .iter()
+                        .map(|p| p.unit() == Unit::Meter)
+                        .collect()
+                })
+                .collect(),
             frames: BTreeMap::new(),
             targets: BTreeMap::new(),
             planes: Vec::new(),
@@ -417,6 +430,49 @@ impl Assembly {
         for column in free {
             self.problem.set_column_fixed(*column, false);
         }
+    }
+
+    /// The direction in which all lengths grow alike, one number a column: lengths and coordinates
+    /// themselves, zero for angles, gains and what is known.
+    pub fn scale_direction(&self, state: &State) -> Vec<f64> {
+        let mut direction = vec![0.0; self.columns.len()];
+        let mut put = |first: usize, values: &[f64]| {
+            direction[first..first + values.len()].copy_from_slice(values);
+        };
+        for (var, (arm, values)) in self
+            .robots
+            .iter()
+            .zip(self.lengths.iter().zip(&state.robots))
+        {
+            let lengths: Vec<f64> = values
+                .iter()
+                .zip(arm)
+                .map(|(v, length)| if *length { *v } else { 0.0 })
+                .collect();
+            put(var.column(), &lengths);
+        }
+        for (name, var) in &self.frames {
+            put(var.column(), state.frames[name].translation.as_slice());
+        }
+        for (key, var) in &self.targets {
+            put(var.column(), state.targets[key].as_slice());
+        }
+        for (vars, planes) in self.planes.iter().zip(&state.planes) {
+            vars.iter()
+                .zip(planes)
+                .for_each(|(var, plane)| put(var.column() + 2, &[plane.distance]));
+        }
+        for (vars, points) in self.points.iter().zip(&state.points) {
+            vars.iter()
+                .zip(points)
+                .for_each(|(var, point)| put(var.column(), point.as_slice()));
+        }
+        for (var, distance) in self.distances.iter().zip(&state.distances) {
+            if let Some(var) = var {
+                put(var.column(), &[*distance]);
+            }
+        }
+        direction
     }
 
     /// The state that values stand for.

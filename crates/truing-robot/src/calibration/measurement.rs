@@ -38,9 +38,9 @@ impl Arm {
 /// Standard deviations of one measurement.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sigma {
-    /// Of lengths [m].
+    /// Of lengths \[m\].
     pub position: f64,
-    /// Of rotations [rad].
+    /// Of rotations \[rad\].
     pub rotation: f64,
 }
 
@@ -88,7 +88,7 @@ impl Groups {
 /// What was measured.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Measured {
-    /// Positions of a tool point [m].
+    /// Positions of a tool point \[m\].
     Position(Vec<Vector3<f64>>),
     /// Poses of the tool.
     Pose(Vec<Pose<f64>>),
@@ -104,7 +104,7 @@ pub enum Measured {
         other: Option<usize>,
         /// Joint values of the other robot, or of the second posture.
         q_b: Vec<Vec<f64>>,
-        /// The distance [m]; none where it is estimated.
+        /// The distance \[m\]; none where it is estimated.
         distance: Option<f64>,
     },
 }
@@ -142,7 +142,7 @@ pub struct MeasurementSet {
     pub target: Option<String>,
     /// The tool point of the other robot of a distance; estimated.
     pub other_target: Option<String>,
-    /// Where to start the estimate of `target`, in the tool frame [m].
+    /// Where to start the estimate of `target`, in the tool frame \[m\].
     pub target_guess: Option<Vector3<f64>>,
     /// The sensor's frame, where it is not the reference frame; estimated.
     pub frame: Option<String>,
@@ -191,7 +191,7 @@ impl MeasurementSet {
         self
     }
 
-    /// The same set with another standard deviation of its lengths [m].
+    /// The same set with another standard deviation of its lengths \[m\].
     #[must_use]
     pub fn sigma(mut self, position: f64) -> Self {
         for sigma in &mut self.sigma {

@@ -11,7 +11,7 @@ pub struct ErrorSummary {
     pub mean: f64,
     /// Largest absolute value.
     pub max: f64,
-    /// The same of the rotation errors [rad], for poses.
+    /// The same of the rotation errors \[rad\], for poses.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub rotation: Option<Box<ErrorSummary>>,
 }
@@ -83,7 +83,7 @@ pub enum Status {
     Regrouped,
     /// The structure would allow it, these data do not determine it.
     Unexcited,
-    /// Free to choose (it only moves what was touched along): held at nominal.
+    /// Free to choose, since it only moves along what was touched, or scales everything: held at nominal.
     Held,
 }
 
@@ -129,11 +129,11 @@ pub struct ParameterResult {
 pub struct FrameEstimate {
     /// Name.
     pub name: String,
-    /// Position [m].
+    /// Position \[m\].
     pub position: [f64; 3],
     /// Unit quaternion (w, x, y, z).
     pub quaternion: [f64; 4],
-    /// Standard deviations: x, y, z [m], rotation about the frame's own x, y, z [rad].
+    /// Standard deviations: x, y, z \[m\], rotation about the frame's own x, y, z \[rad\].
     pub sigma: Option<Vec<f64>>,
 }
 
@@ -144,9 +144,9 @@ pub struct TargetEstimate {
     pub name: String,
     /// Its robot; empty if there is only one.
     pub robot: String,
-    /// Position [m].
+    /// Position \[m\].
     pub position: [f64; 3],
-    /// Standard deviations [m].
+    /// Standard deviations \[m\].
     pub sigma: Option<Vec<f64>>,
 }
 
@@ -161,9 +161,9 @@ pub struct PlaneEstimate {
     pub count: usize,
     /// Unit normal.
     pub normal: [f64; 3],
-    /// Distance from the origin along the normal [m].
+    /// Distance from the origin along the normal \[m\].
     pub distance: f64,
-    /// RMS distance of its touches [m].
+    /// RMS distance of its touches \[m\].
     pub rms: f64,
 }
 
@@ -176,9 +176,9 @@ pub struct PointEstimate {
     pub group: String,
     /// Number of visits.
     pub count: usize,
-    /// Position in the reference frame [m].
+    /// Position in the reference frame \[m\].
     pub position: [f64; 3],
-    /// RMS distance of its visits [m].
+    /// RMS distance of its visits \[m\].
     pub rms: f64,
 }
 

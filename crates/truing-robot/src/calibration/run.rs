@@ -266,6 +266,17 @@ impl Calibration {
             }
         };
         self.warn(&fitted, &constraints, &validation, &mut warnings);
+        let anchors: Vec<&str> = (0..choices.len())
+            .filter(|c| matches!(choices[*c], Choice::Anchor(_)))
+            .map(|c| assembly.columns[c].name.as_str())
+            .collect();
+        if !anchors.is_empty() {
+            warnings.push(format!(
+                "these data leave the scale free: a robot with all lengths longer fits as well; held by {} at nominal \
+                 (a tracker position or a known distance would determine it)",
+                anchors.join(", ")
+            ));
+        }
         let still: Vec<String> = (0..choices.len())
             .filter(|c| choices[*c] == Choice::Unexcited)
             .map(|c| assembly.columns[c].name.clone())
@@ -503,22 +514,6 @@ impl Calibration {
                 total += nominal.abs();
                 change += (estimate - nominal) * (estimate - nominal);
             }
-            let turned = arm
-                .robot
-                .parameters()
-                .iter()
-                .zip(nominal.iter().zip(estimate));
-            let turned = turned.filter(|(p, _)| p.unit() == Unit::Radian);
-            let most = turned
-                .map(|(p, (nominal, estimate))| (&p.name, (estimate - nominal).abs()))
-                .max_by(|a, b| a.1.total_cmp(&b.1));
-            if let Some((name, angle)) = most.filter(|(_, angle)| *angle > TURNED) {
-                warnings.push(format!(
-                    "{DISTRUST}{name} moved by {:.0}°: check the zero positions and signs in the robot file, or add a \
-                     `prior` about nominal",
-                    angle.to_degrees()
-                ));
-            }
             if change.sqrt() > DEFORMED * total {
                 warnings.push(format!(
                     "{DISTRUST}the lengths of {} moved by {:.0} mm in all, of {total:.3} m: the data do not determine \
@@ -565,9 +560,6 @@ const WORSE: f64 = 1.1;
 /// The lengths of a robot may move by this share of their sum: no drawing is that wrong, but an
 /// arm that collapses onto a point moves by as much as it is long.
 const DEFORMED: f64 = 0.1;
-
-/// An angle may move by this much [rad]: a joint's zero is set better than that.
-const TURNED: f64 = 0.5;
 
 /// A list in words, its first eight entries if it is longer.
 fn shortened(all: &[String]) -> String {
@@ -712,6 +704,12 @@ impl Report<'_> {
             .collect()
     }
 
+    fn named(&self, into: &[(usize, f64)]) -> Vec<(String, f64)> {
+        into.iter()
+            .map(|(c, w)| (self.assembly.columns[*c].name.clone(), *w))
+            .collect()
+    }
+
     fn parameters(&self, state: &State) -> Vec<ParameterResult> {
         let arms = &self.calibration.arms;
         let mut results = Vec::new();
@@ -733,19 +731,14 @@ impl Report<'_> {
                             Owner::Plane(..) | Owner::Point(..) | Owner::Distance(_)
                         )
                     });
-                    let named = into
-                        .iter()
-                        .map(|(c, w)| (self.assembly.columns[*c].name.clone(), *w))
-                        .collect();
-                    (
-                        if gauge {
-                            Status::Held
-                        } else {
-                            Status::Regrouped
-                        },
-                        Some(named),
-                    )
+                    let status = if gauge {
+                        Status::Held
+                    } else {
+                        Status::Regrouped
+                    };
+                    (status, Some(self.named(into)))
                 }
+                Choice::Anchor(into) => (Status::Held, Some(self.named(into))),
             };
             let estimate = state.robots[robot][parameter];
             let at_bound = self

@@ -4,11 +4,13 @@ use super::assembly::{Assembly, Owner, State};
 use super::measurement::{Arm, Measured, MeasurementSet};
 use crate::constraint::Derivatives;
 use crate::error::Error;
+use crate::kinematics::ParameterKind;
+use crate::posture;
 use crate::simulate::{Sampling, sample};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use truing::identifiability::{ColumnStatus, base_columns};
-use truing::nalgebra::DMatrix;
+use truing::nalgebra::{DMatrix, DVector};
 use truing::{LeastSquares, Linearization, step};
 
 /// What is left of a scaled column at configurations that satisfy the constraints exactly: true
@@ -67,6 +69,8 @@ pub enum Choice {
     NoEffect,
     /// A combination of estimated columns, as (column, coefficient).
     Regrouped(Vec<(usize, f64)>),
+    /// The same, but for the scale, which the data leave free: this parameter, held, anchors it.
+    Anchor(Vec<(usize, f64)>),
     /// The structure would allow it, these data do not determine it.
     Unexcited,
 }
@@ -97,23 +101,24 @@ pub fn select(
     with_prior: &[usize],
 ) -> Result<Vec<Choice>, Error> {
     let data = Assembly::new(arms, sets, state, derivatives)?;
-    let twin = Assembly::new(
-        arms,
-        &structural_twin(arms, sets, state)?,
-        state,
-        derivatives,
-    )?;
+    let twin_sets = structural_twin(arms, sets, state)?;
+    let twin = Assembly::new(arms, &twin_sets, state, derivatives)?;
     let mut choices = vec![Choice::Fixed; data.columns.len()];
     let order: Vec<usize> = (0..wanted.len()).collect();
-    for (status, column) in base_columns(&compressed(&twin, wanted), &order, STRUCTURE)
-        .into_iter()
-        .zip(wanted)
-    {
+    let structure = compressed(&twin, wanted);
+    let base = base_columns(&structure, &order, STRUCTURE);
+    let anchors = scale_anchors(arms, &twin_sets, state, &twin, &structure, wanted, &base)?;
+    for (k, (status, column)) in base.into_iter().zip(wanted).enumerate() {
         choices[*column] = match status {
             ColumnStatus::Identifiable => Choice::Estimated,
             ColumnStatus::NoEffect => Choice::NoEffect,
             ColumnStatus::Regrouped(into) => {
-                Choice::Regrouped(into.into_iter().map(|(k, c)| (wanted[k], c)).collect())
+                let into = into.into_iter().map(|(k, c)| (wanted[k], c)).collect();
+                if anchors.contains(&k) {
+                    Choice::Anchor(into)
+                } else {
+                    Choice::Regrouped(into)
+                }
             }
         };
     }
@@ -122,8 +127,15 @@ pub fn select(
         .copied()
         .filter(|c| choices[*c] == Choice::Estimated)
         .collect();
-    // Where the data leave a choice that the structure does not, a parameter of which little is left
-    // is the last to be kept: in place of another it would have to move far.
+    // Where the data leave a choice that the structure does not: a joint that does not move says
+    // nothing of its gain; and a parameter of which little is left is the last to be kept, since in
+    // place of another it would have to move far.
+    kept.sort_by_key(|column| match data.columns[*column].owner {
+        Owner::Parameter { robot, parameter } => {
+            arms[robot].robot.parameters()[parameter].kind == ParameterKind::Gain
+        }
+        _ => false,
+    });
     let order: Vec<usize> = (0..kept.len()).collect();
     let status = base_columns(&compressed(&data, &kept), &order, EXCITED_WELL);
     let (well, hardly): (Vec<usize>, Vec<usize>) = order.iter().partition(|k| {
@@ -146,6 +158,83 @@ pub fn select(
         }
     }
     Ok(choices)
+}
+
+/// The columns (their places in `wanted`) that are left out only because all lengths can grow
+/// together: touches of unknown planes and points look the same for a robot of any size.
+///
+/// All lengths scaled by 1 + ε is a direction of the tangent. If the structural Jacobian sees of it
+/// at most what planes, points, frames and bases take up, the scale is free; what a known distance between
+/// two postures of a robot would then bring in, a distance being blind to all else that is free, is
+/// the anchor.
+fn scale_anchors(
+    arms: &[Arm],
+    twin_sets: &[MeasurementSet],
+    state: &State,
+    twin: &Assembly,
+    structure: &DMatrix<f64>,
+    wanted: &[usize],
+    base: &[ColumnStatus],
+) -> Result<Vec<usize>, Error> {
+    let direction = twin.scale_direction(state);
+    let scale = DVector::from_iterator(wanted.len(), wanted.iter().map(|c| direction[*c]));
+    // Growing about another point than the origin is growing and moving: the base takes that up.
+    let bases: Vec<Vec<usize>> = arms.iter().map(|arm| arm.robot.base_parameters()).collect();
+    let mut columns: Vec<DVector<f64>> = (0..wanted.len())
+        .filter(|k| match &twin.columns[wanted[*k]].owner {
+            Owner::Parameter { robot, parameter } => bases[*robot].contains(parameter),
+            Owner::Target(..) => false,
+            _ => true,
+        })
+        .map(|k| structure.column(k).into_owned())
+        .collect();
+    let seen = structure * &scale;
+    let sizes = (0..wanted.len()).map(|k| structure.column(k).norm() * scale[k].abs());
+    let rounding = 1e-9 * sizes.sum::<f64>();
+    if seen.norm() > rounding {
+        columns.push(seen);
+        let order: Vec<usize> = (0..columns.len()).collect();
+        let status = base_columns(&DMatrix::from_columns(&columns), &order, STRUCTURE);
+        if status.last() == Some(&ColumnStatus::Identifiable) {
+            return Ok(Vec::new());
+        }
+    }
+    let identifiable = |status: &ColumnStatus| *status == ColumnStatus::Identifiable;
+    let order: Vec<usize> = (0..wanted.len()).collect();
+    let mut anchors = Vec::new();
+    for (robot, arm) in arms.iter().enumerate() {
+        let mut rng = ChaCha8Rng::seed_from_u64(robot as u64);
+        let limits = posture::limits(&arm.robot);
+        let mut draw = || {
+            (0..POSTURES)
+                .map(|_| posture::random(&limits, &mut rng))
+                .collect()
+        };
+        let (q, q_b) = (draw(), draw());
+        let measured = Measured::Distance {
+            other: None,
+            q_b,
+            distance: Some(0.0),
+        };
+        let sets = [
+            twin_sets,
+            &[MeasurementSet::new("scale", robot, q, measured)],
+        ]
+        .concat();
+        let mut with = state.clone();
+        with.planes.push(Vec::new());
+        with.points.push(Vec::new());
+        with.distances.push(0.0);
+        let known = Assembly::new(arms, &sets, &with, &Derivatives::default())?;
+        let status = base_columns(&compressed(&known, wanted), &order, STRUCTURE);
+        let new: Vec<usize> = (0..wanted.len())
+            .filter(|k| identifiable(&status[*k]) && !identifiable(&base[*k]))
+            .collect();
+        if let [anchor] = new[..] {
+            anchors.push(anchor);
+        }
+    }
+    Ok(anchors)
 }
 
 /// Columns in the order of preference: planes, points and distances first (whatever they cost the

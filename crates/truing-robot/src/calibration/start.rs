@@ -104,7 +104,7 @@ pub fn fit_groups(arms: &[Arm], sets: &[MeasurementSet], state: &mut State) {
     (state.planes, state.points, state.distances) = (planes, points, distances);
 }
 
-/// The tool points of a set in the reference frame [m].
+/// The tool points of a set in the reference frame \[m\].
 pub fn tips(
     arm: &Arm,
     set: &MeasurementSet,

@@ -7,7 +7,7 @@ use truing::manifold::{Point3, Vector};
 use truing::nalgebra::{SMatrix, Vector3};
 use truing::{Constraint, Jacobian, Point, Scalar, Views, autodiff, value};
 
-/// The distance between tool points of two robots: r = ‖p_a − p_b‖ − distance [m].
+/// The distance between tool points of two robots: r = ‖p_a − p_b‖ − distance \[m\].
 ///
 /// Variables: parameters and target of robot a, those of robot b, and the distance as a vector of
 /// one number (hold it where it is known). One row. Two spheres that touch are at the sum of their
@@ -87,7 +87,7 @@ impl Constraint for Distance {
     }
 }
 
-/// The distance between a tool point in two postures of one robot: r = ‖p(q_a) − p(q_b)‖ − distance [m].
+/// The distance between a tool point in two postures of one robot: r = ‖p(q_a) − p(q_b)‖ − distance \[m\].
 ///
 /// Variables: robot parameters, the target in the tool frame, the distance as a vector of one
 /// number. One row. A ball bar or a gauge block gives such data.

@@ -6,7 +6,7 @@ use truing::manifold::{Plane, Point3, Vector};
 use truing::nalgebra::{SMatrix, Vector3};
 use truing::{Constraint, Jacobian, Point, Scalar, Views, autodiff};
 
-/// A tool point on a known plane: r = normal · p − distance [m], p = base_from_tool · target.
+/// A tool point on a known plane: r = normal · p − distance \[m\], p = base_from_tool · target.
 ///
 /// Variables: robot parameters, the target in the tool frame. One row.
 #[derive(Clone)]

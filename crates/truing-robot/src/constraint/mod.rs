@@ -61,7 +61,7 @@ impl Chain {
         Arc::new(Self { robot, derivatives })
     }
 
-    /// Position of a tool point in the reference frame [m].
+    /// Position of a tool point in the reference frame \[m\].
     pub fn tip<T: Scalar>(&self, parameters: &[T], q: &[f64], target: &Vector3<T>) -> Vector3<T> {
         self.robot.forward(parameters, q).apply(target)
     }

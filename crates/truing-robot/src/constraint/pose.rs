@@ -6,8 +6,8 @@ use truing::manifold::{Point3, Pose, Pose3, Vector, so3};
 use truing::nalgebra::{Matrix3, SMatrix};
 use truing::{Constraint, Dual, Jacobian, Point, Scalar, Views, autodiff};
 
-/// The pose of the tool in a sensor's frame: position rows S⁻¹ · (base_from_tool · target) − measured [m],
-/// rotation rows log(R_measuredᵀ · R_Sᵀ · R_tool) [rad].
+/// The pose of the tool in a sensor's frame: position rows S⁻¹ · (base_from_tool · target) − measured \[m\],
+/// rotation rows log(R_measuredᵀ · R_Sᵀ · R_tool) \[rad\].
 ///
 /// Variables: robot parameters, the sensor's pose S, the target in the tool frame. Six rows.
 #[derive(Clone)]

@@ -6,7 +6,7 @@ use truing::manifold::{Point3, Pose3, Vector};
 use truing::nalgebra::Vector3;
 use truing::{Constraint, Jacobian, Point, Scalar, Views};
 
-/// The position of a tool point in a sensor's frame: r = S⁻¹ · (base_from_tool · target) − measured [m].
+/// The position of a tool point in a sensor's frame: r = S⁻¹ · (base_from_tool · target) − measured \[m\].
 ///
 /// Variables: robot parameters, the sensor's pose S in the reference frame, the target in the tool
 /// frame. Three rows, in the sensor's axes. Hold S at identity for positions in the reference frame
@@ -17,7 +17,7 @@ pub struct Position {
     pub chain: Arc<Chain>,
     /// Joint values.
     pub q: Vec<f64>,
-    /// What the sensor read [m].
+    /// What the sensor read \[m\].
     pub measured: Vector3<f64>,
 }
 

@@ -6,7 +6,7 @@ use truing::manifold::{Point3, Vector};
 use truing::nalgebra::{SMatrix, Vector3};
 use truing::{Constraint, Jacobian, Point, Scalar, Views, autodiff};
 
-/// A tool point at a point of space that is estimated: r = base_from_tool · target − point [m].
+/// A tool point at a point of space that is estimated: r = base_from_tool · target − point \[m\].
 ///
 /// Variables: robot parameters, the target in the tool frame, the point. Three rows. All rows that
 /// touched the same point share its variable ("position link", no external sensor).

@@ -6,7 +6,7 @@ use truing::manifold::{Plane3, Point3, Vector};
 use truing::nalgebra::{SMatrix, Vector3};
 use truing::{Constraint, Jacobian, Point, Scalar, Variable, Views, autodiff};
 
-/// A tool point on an unknown plane: r = normal · p − distance [m], p = base_from_tool · target.
+/// A tool point on an unknown plane: r = normal · p − distance \[m\], p = base_from_tool · target.
 ///
 /// Variables: robot parameters, the target in the tool frame, the plane. One row.
 #[derive(Clone)]

@@ -201,7 +201,7 @@ pub struct Robot {
     file: RobotFile,
 }
 
-/// Axes closer to parallel than this [rad] get the extra angle β.
+/// Axes closer to parallel than this \[rad\] get the extra angle β.
 const PARALLEL: f64 = 0.02;
 
 impl Robot {

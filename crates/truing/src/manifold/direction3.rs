@@ -5,7 +5,7 @@ use crate::scalar::{Scalar, value};
 use crate::variable::Variable;
 use nalgebra::{Matrix3x2, Vector3};
 
-/// A direction in space, a unit vector; n ⊞ δ = cos|δ| n + sinc|δ| B(n) δ, two degrees of freedom [rad].
+/// A direction in space, a unit vector; n ⊞ δ = cos|δ| n + sinc|δ| B(n) δ, two degrees of freedom \[rad\].
 ///
 /// B(n) (3 × 2) is an orthonormal basis of the plane across n. A constraint sees the unit vector.
 #[derive(Debug, Clone, Copy)]

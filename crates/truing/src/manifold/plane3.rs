@@ -10,12 +10,12 @@ use nalgebra::Vector3;
 pub struct Plane<T> {
     /// Unit normal.
     pub normal: Vector3<T>,
-    /// Signed distance of the plane from the origin along the normal [m].
+    /// Signed distance of the plane from the origin along the normal \[m\].
     pub distance: T,
 }
 
 impl<T: Scalar> Plane<T> {
-    /// Signed distance of a point from the plane [m], positive on the side the normal points to.
+    /// Signed distance of a point from the plane \[m\], positive on the side the normal points to.
     pub fn signed_distance(&self, point: &Vector3<T>) -> T {
         self.normal.x * point.x + self.normal.y * point.y + self.normal.z * point.z - self.distance
     }

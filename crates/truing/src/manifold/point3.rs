@@ -4,7 +4,7 @@ use crate::scalar::Scalar;
 use crate::variable::Variable;
 use nalgebra::Vector3;
 
-/// A point in space, (x, y, z) [m]; x ⊞ δ = x + δ.
+/// A point in space, (x, y, z) \[m\]; x ⊞ δ = x + δ.
 #[derive(Debug, Clone, Copy)]
 pub struct Point3;
 

@@ -4,12 +4,12 @@ use crate::scalar::{Scalar, value};
 use crate::variable::Variable;
 use nalgebra::Vector2;
 
-/// A rigid motion of the plane: a rotation by `angle` [rad], then `translation` [m].
+/// A rigid motion of the plane: a rotation by `angle` \[rad\], then `translation` \[m\].
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlanarPose<T> {
-    /// Translation [m].
+    /// Translation \[m\].
     pub translation: Vector2<T>,
-    /// Rotation angle [rad].
+    /// Rotation angle \[rad\].
     pub angle: T,
 }
 

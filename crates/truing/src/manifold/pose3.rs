@@ -11,7 +11,7 @@ use nalgebra::{Matrix3, Vector3};
 pub struct Pose<T> {
     /// Rotation matrix (3 × 3).
     pub rotation: Matrix3<T>,
-    /// Translation [m].
+    /// Translation \[m\].
     pub translation: Vector3<T>,
 }
 
@@ -74,7 +74,7 @@ impl Pose<f64> {
         }
     }
 
-    /// From a translation [m] and a unit quaternion (w, x, y, z).
+    /// From a translation \[m\] and a unit quaternion (w, x, y, z).
     pub fn from_quaternion(translation: Vector3<f64>, q: [f64; 4]) -> Self {
         Self {
             rotation: so3::quaternion_matrix(&q),
@@ -88,7 +88,7 @@ impl Pose<f64> {
     }
 }
 
-/// A pose, stored as (x, y, z, qw, qx, qy, qz); t ⊞ δt = t + δt [m] and R ⊞ ω = R · exp(ω) [rad].
+/// A pose, stored as (x, y, z, qw, qx, qy, qz); t ⊞ δt = t + δt \[m\] and R ⊞ ω = R · exp(ω) \[rad\].
 ///
 /// The six degrees of freedom are (translation; rotation). A constraint sees a [`Pose`].
 #[derive(Debug, Clone, Copy)]

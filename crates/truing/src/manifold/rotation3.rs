@@ -5,7 +5,7 @@ use crate::scalar::Scalar;
 use crate::variable::Variable;
 use nalgebra::Matrix3;
 
-/// A rotation, stored as a unit quaternion (w, x, y, z); R ⊞ ω = R · exp(ω), three degrees of freedom [rad].
+/// A rotation, stored as a unit quaternion (w, x, y, z); R ⊞ ω = R · exp(ω), three degrees of freedom \[rad\].
 ///
 /// A constraint sees the rotation matrix (3 × 3).
 #[derive(Debug, Clone, Copy)]

@@ -142,7 +142,7 @@ pub fn log_matrix<T: Scalar>(m: &Matrix3<T>) -> Vector3<T> {
     log_quaternion(&matrix_quaternion(m))
 }
 
-/// Rotation matrix of the rotation vector ω [rad].
+/// Rotation matrix of the rotation vector ω \[rad\].
 pub fn exp_matrix<T: Scalar>(omega: &[T]) -> Matrix3<T> {
     quaternion_matrix(&exp_quaternion(omega))
 }

@@ -285,7 +285,8 @@ where
         let decrease = cost - trial_cost;
         let gain = decrease / step.predicted;
         let relative = step.length() / (size + self.tolerances.step);
-        self.curved = !(gain > 0.9) || bend.as_ref().is_some_and(|bend| bend.ratio > STRAIGHT);
+        self.curved =
+            gain.is_nan() || gain <= 0.9 || bend.as_ref().is_some_and(|bend| bend.ratio > STRAIGHT);
         let metrics = kv!("lambda" => self.lambda; "gain" => gain; "step" => relative;);
         let mut accepted = trial_cost.is_finite() && decrease >= 0.0 && gain > 1e-4;
         if accepted {

@@ -2,12 +2,16 @@
 
 mod assembly;
 mod data;
+mod doubt;
 mod load;
 mod measurement;
 mod names;
+mod predict;
+mod report;
 mod result;
 mod run;
 mod select;
+mod small_groups;
 mod start;
 
 pub use assembly::{Assembly, Column, Owner, State};

@@ -1,0 +1,121 @@
+//! Errors of measurements under the nominal, the registered and the calibrated robot.
+
+use super::assembly::{Assembly, Owner, State};
+use super::measurement::{Measured, MeasurementSet};
+use super::result::{ErrorSummary, SetResult};
+use super::run::{Calibration, Fitted};
+use super::select::in_order;
+use super::start::start;
+use crate::error::Error;
+use truing::{Settings, Values, solve};
+
+impl Calibration {
+    /// Errors of rows of set `k` (the set itself, or rows held out of it) in the three states.
+    pub(super) fn summarise(
+        &self,
+        k: usize,
+        set: &MeasurementSet,
+        fitted: &Fitted,
+    ) -> Result<SetResult, Error> {
+        let errors = |state: &State| -> Result<ErrorSummary, Error> {
+            let own = State {
+                planes: vec![state.planes[k].clone()],
+                points: vec![state.points[k].clone()],
+                distances: vec![state.distances[k]],
+                ..state.clone()
+            };
+            self.errors(set, &own)
+        };
+        Ok(SetResult {
+            name: set.name.clone(),
+            kind: set.measured.kind().to_owned(),
+            count: set.len(),
+            rows: set.len() * set.dim(),
+            before: if given(set) {
+                Some(errors(&fitted.nominal)?)
+            } else {
+                None
+            },
+            registered: Some(errors(&fitted.registered)?),
+            after: Some(errors(&fitted.estimated)?),
+            unit: "m",
+        })
+    }
+
+    /// Errors of one set in a state whose planes, points and distances are this set's.
+    fn errors(&self, set: &MeasurementSet, state: &State) -> Result<ErrorSummary, Error> {
+        let assembly = Assembly::new(
+            &self.arms,
+            std::slice::from_ref(set),
+            state,
+            &self.estimate.derivatives,
+        )?;
+        let residuals = assembly.residuals(0, assembly.problem.initial());
+        Ok(ErrorSummary::of_residuals(&residuals, set.dim()))
+    }
+
+    /// Errors of a set that only validates: what it alone knows of is fitted to it, robots stay.
+    pub(super) fn validate_set(
+        &self,
+        set: &MeasurementSet,
+        fitted: &Fitted,
+    ) -> Result<SetResult, Error> {
+        let sets = std::slice::from_ref(set);
+        let errors = |state: &State| -> Result<ErrorSummary, Error> {
+            let begin = start(&self.arms, sets, state.robots.clone(), state);
+            let mut assembly = Assembly::new(&self.arms, sets, &begin, &self.estimate.derivatives)?;
+            let free: Vec<usize> = in_order(&assembly, &[], |owner| match owner {
+                Owner::Parameter { .. } | Owner::Constant => false,
+                Owner::Frame(name) => !state.frames.contains_key(name),
+                Owner::Target(robot, name) => !state.targets.contains_key(&(*robot, name.clone())),
+                _ => true,
+            });
+            assembly.free_only(&free);
+            let values: Values = if free.is_empty() {
+                assembly.problem.initial().clone()
+            } else {
+                solve(&assembly.problem, &Settings::default())?.values
+            };
+            Ok(ErrorSummary::of_residuals(
+                &assembly.residuals(0, &values),
+                set.dim(),
+            ))
+        };
+        let before = if given(set) {
+            Some(self.errors(
+                set,
+                &start(
+                    &self.arms,
+                    sets,
+                    fitted.nominal.robots.clone(),
+                    &State::default(),
+                ),
+            )?)
+        } else {
+            None
+        };
+        Ok(SetResult {
+            name: set.name.clone(),
+            kind: set.measured.kind().to_owned(),
+            count: set.len(),
+            rows: set.len() * set.dim(),
+            before,
+            registered: Some(errors(&fitted.registered)?),
+            after: Some(errors(&fitted.estimated)?),
+            unit: "m",
+        })
+    }
+}
+
+/// Whether the files give everything a set's errors depend on.
+fn given(set: &MeasurementSet) -> bool {
+    let frame = set.frame.is_none() || set.frame_guess.is_some();
+    let target = (set.target.is_none() || set.target_guess.is_some()) && set.other_target.is_none();
+    let own = !matches!(
+        set.measured,
+        Measured::UnknownPlane(_)
+            | Measured::SamePoint(_)
+            | Measured::Distance { distance: None, .. }
+    );
+    frame && target && own
+}

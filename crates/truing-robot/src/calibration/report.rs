@@ -1,0 +1,224 @@
+//! Putting a result together.
+
+use super::assembly::{Assembly, Owner, State};
+use super::doubt::DISTRUST;
+use super::measurement::Measured;
+use super::result::{
+    CalibrationResult, ErrorSummary, FrameEstimate, ParameterResult, PlaneEstimate, PointEstimate,
+    SetResult, Status, TargetEstimate, TerminationReport,
+};
+use super::run::Calibration;
+use super::select::Choice;
+use truing::{Covariance, Solution};
+
+/// Puts the result together.
+pub(super) struct Report<'a> {
+    pub calibration: &'a Calibration,
+    pub assembly: &'a Assembly,
+    pub choices: &'a [Choice],
+    pub covariance: Option<&'a Covariance>,
+}
+
+impl Report<'_> {
+    fn sigma(&self, column: usize) -> Option<f64> {
+        let covariance = self.covariance?;
+        let sigma = covariance.std_dev(column) * covariance.sigma0();
+        (sigma.is_finite() && self.choices[column] == Choice::Estimated).then_some(sigma)
+    }
+
+    fn sigmas(&self, first: usize, n: usize) -> Option<Vec<f64>> {
+        (first..first + n)
+            .map(|column| {
+                self.sigma(column)
+                    .or(Some(0.0))
+                    .filter(|_| self.covariance.is_some())
+            })
+            .collect()
+    }
+
+    fn named(&self, into: &[(usize, f64)]) -> Vec<(String, f64)> {
+        into.iter()
+            .map(|(c, w)| (self.assembly.columns[*c].name.clone(), *w))
+            .collect()
+    }
+
+    fn parameters(&self, state: &State) -> Vec<ParameterResult> {
+        let arms = &self.calibration.arms;
+        let mut results = Vec::new();
+        for (column, info) in self.assembly.columns.iter().enumerate() {
+            let Owner::Parameter { robot, parameter } = info.owner else {
+                continue;
+            };
+            let p = &arms[robot].robot.parameters()[parameter];
+            let (status, into) = match &self.choices[column] {
+                Choice::Fixed => (Status::Fixed, None),
+                Choice::Estimated => (Status::Estimated, None),
+                Choice::NoEffect => (Status::NoEffect, None),
+                Choice::Unexcited => (Status::Unexcited, None),
+                Choice::Regrouped(into) => {
+                    let owner = |c: &usize| &self.assembly.columns[*c].owner;
+                    let gauge = into.iter().all(|(c, _)| {
+                        matches!(
+                            owner(c),
+                            Owner::Plane(..) | Owner::Point(..) | Owner::Distance(_)
+                        )
+                    });
+                    let status = if gauge {
+                        Status::Held
+                    } else {
+                        Status::Regrouped
+                    };
+                    (status, Some(self.named(into)))
+                }
+                Choice::Anchor(into) => (Status::Held, Some(self.named(into))),
+            };
+            let estimate = state.robots[robot][parameter];
+            let at_bound = self
+                .calibration
+                .estimate
+                .bounds
+                .iter()
+                .find(|(r, k, ..)| (*r, *k) == (robot, parameter) && status == Status::Estimated)
+                .and_then(|(_, _, lower, upper)| {
+                    let moved = estimate - p.nominal;
+                    let close = 1e-9 * (upper - lower);
+                    if moved <= lower + close {
+                        Some("lower")
+                    } else if moved >= upper - close {
+                        Some("upper")
+                    } else {
+                        None
+                    }
+                });
+            results.push(ParameterResult {
+                name: info.name.clone(),
+                unit: p.unit().symbol(),
+                nominal: p.nominal,
+                estimate,
+                sigma: self.sigma(column),
+                status,
+                into,
+                at_bound,
+            });
+        }
+        results
+    }
+
+    pub fn make(
+        &self,
+        state: &State,
+        solution: &Solution,
+        constraints: Vec<SetResult>,
+        validation: Vec<SetResult>,
+        warnings: Vec<String>,
+    ) -> CalibrationResult {
+        let calibration = self.calibration;
+        let (mut planes, mut points, mut distances) = (Vec::new(), Vec::new(), Vec::new());
+        for (k, set) in calibration.sets.iter().enumerate() {
+            let residuals = self.assembly.residuals(k, &solution.values);
+            let rms = |groups: &super::measurement::Groups, g: usize| {
+                let own: Vec<f64> = residuals
+                    .chunks_exact(set.dim())
+                    .zip(&groups.of_row)
+                    .filter(|(_, h)| **h == g)
+                    .map(|(r, _)| r.iter().map(|e| e * e).sum::<f64>().sqrt())
+                    .collect();
+                (own.len(), ErrorSummary::of(&own).rms)
+            };
+            match &set.measured {
+                Measured::UnknownPlane(groups) => {
+                    for (g, plane) in state.planes[k].iter().enumerate() {
+                        let (count, rms) = rms(groups, g);
+                        planes.push(PlaneEstimate {
+                            constraint: set.name.clone(),
+                            group: groups.names[g].clone(),
+                            count,
+                            normal: plane.normal.into(),
+                            distance: plane.distance,
+                            rms,
+                        });
+                    }
+                }
+                Measured::SamePoint(groups) => {
+                    for (g, point) in state.points[k].iter().enumerate() {
+                        let (count, rms) = rms(groups, g);
+                        points.push(PointEstimate {
+                            constraint: set.name.clone(),
+                            group: groups.names[g].clone(),
+                            count,
+                            position: (*point).into(),
+                            rms,
+                        });
+                    }
+                }
+                Measured::Distance { distance: None, .. } => {
+                    distances.push((set.name.clone(), state.distances[k]))
+                }
+                _ => {}
+            }
+        }
+        let frames = state
+            .frames
+            .iter()
+            .map(|(name, pose)| FrameEstimate {
+                name: name.clone(),
+                position: pose.translation.into(),
+                quaternion: pose.quaternion(),
+                sigma: self
+                    .assembly
+                    .frame(name)
+                    .and_then(|var| self.sigmas(var.column(), 6)),
+            })
+            .collect();
+        let targets = state
+            .targets
+            .iter()
+            .map(|((robot, name), point)| TargetEstimate {
+                name: name.clone(),
+                robot: calibration.arms[*robot].name.clone(),
+                position: (*point).into(),
+                sigma: self
+                    .assembly
+                    .target(*robot, name)
+                    .and_then(|var| self.sigmas(var.column(), 3)),
+            })
+            .collect();
+        let identifiable = (0..self.choices.len())
+            .filter(|c| self.choices[*c] == Choice::Estimated)
+            .filter(|c| {
+                matches!(
+                    self.assembly.columns[*c].owner,
+                    Owner::Parameter { .. } | Owner::Frame(_) | Owner::Target(..)
+                )
+            })
+            .count();
+        let termination = TerminationReport {
+            kind: solution.termination.kind().to_owned(),
+            converged: solution.termination.converged(),
+            message: solution.termination.to_string(),
+        };
+        CalibrationResult {
+            // Where unknowns cannot be told apart, the residual is small at many wrong robots.
+            trusted: termination.converged && !warnings.iter().any(|w| w.starts_with(DISTRUST)),
+            termination,
+            warnings,
+            iterations: solution.iterations,
+            initial_cost: solution.initial_cost,
+            cost: solution.cost,
+            sigma0: self
+                .covariance
+                .map(Covariance::sigma0)
+                .filter(|s| s.is_finite()),
+            constraints,
+            validation,
+            parameters: self.parameters(state),
+            frames,
+            targets,
+            planes,
+            points,
+            distances,
+            identifiable,
+            condition: self.covariance.map(Covariance::condition),
+        }
+    }
+}

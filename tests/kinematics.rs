@@ -435,7 +435,8 @@ fn joints_keep_their_names_limits_and_values() {
     );
     assert_eq!(
         (slide.name.as_str(), slide.kind),
-        ("q3", kinematics::JointKind::Prismatic)
+        // The second joint that moves: data count those.
+        ("q2", kinematics::JointKind::Prismatic)
     );
     assert_eq!(waist.limits, Some([-160f64.to_radians(), FRAC_PI_2]));
     assert_eq!((slide.limits, slide.value), (Some([0.0, 0.25]), Some(0.02)));

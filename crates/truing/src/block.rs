@@ -38,6 +38,10 @@ pub trait ConstraintBlock: Send + Sync {
     }
     /// Rows of each constraint.
     fn dim(&self) -> usize;
+    /// Whether a loss other than the trivial one weighs it.
+    fn is_robust(&self) -> bool {
+        false
+    }
     /// Indices of the variables of constraint `item`.
     fn variables(&self, item: usize) -> Vec<usize>;
     /// Residuals in the measurements' own units.
@@ -198,6 +202,10 @@ impl<C: Constraint> ConstraintBlock for Batch<C> {
 
     fn dim(&self) -> usize {
         C::DIM
+    }
+
+    fn is_robust(&self) -> bool {
+        self.loss != Loss::Trivial
     }
 
     fn variables(&self, item: usize) -> Vec<usize> {

@@ -69,7 +69,8 @@ pub fn compare(a: &Linearization, b: &Linearization) -> Vec<ColumnDifference> {
 
 /// r and J of a problem by central differences in the tangent space, with steps h = ε^⅓ (5 × 10⁻⁶).
 ///
-/// Good to about ten digits. Losses are differentiated as constants (their weight is taken at x).
+/// Good to about ten digits. Robust losses are differentiated too, which `linearize` does not: it
+/// takes their weights at x. Compare problems with the trivial loss.
 pub fn central_differences<P: LeastSquares>(problem: &P, x: &P::Point) -> Linearization {
     let mut at = Linearization::new(problem.structure());
     problem.linearize(x, &mut at);

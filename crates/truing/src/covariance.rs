@@ -8,6 +8,10 @@ use nalgebra::DMatrix;
 
 /// The covariance (JᵀJ)⁻¹ of the free columns at a point, from the QR of J.
 ///
+/// Under robust losses this is the covariance of the reweighted linear problem, which is smaller
+/// than that of the estimate: evaluate a problem with trivial losses at the robust solution, and
+/// scale it by Huber's factor, as `truing-robot` does.
+///
 /// It is computed from J alone, whitened and reweighted, so no damping, scaling or history of a
 /// solver is in it. Multiply by [`sigma0`](Self::sigma0)² where the noise is known up to a factor
 /// only.

@@ -124,6 +124,11 @@ pub trait LeastSquares {
     fn step_bounds(&self, _x: &Self::Point) -> Option<StepBounds> {
         None
     }
+    /// Whether residuals are weighted by a robust loss: their second derivatives along a step are
+    /// then not those of the weighted linear model.
+    fn is_robust(&self) -> bool {
+        false
+    }
     /// A row in words, for errors.
     fn describe_row(&self, row: usize) -> String {
         format!("row {row}")
@@ -167,6 +172,9 @@ impl<P: LeastSquares + ?Sized> LeastSquares for &P {
     }
     fn step_bounds(&self, x: &Self::Point) -> Option<StepBounds> {
         (**self).step_bounds(x)
+    }
+    fn is_robust(&self) -> bool {
+        (**self).is_robust()
     }
     fn describe_row(&self, row: usize) -> String {
         (**self).describe_row(row)

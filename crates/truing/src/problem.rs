@@ -51,6 +51,7 @@ impl Problem {
             name: name.into(),
             ambient: slot.offset..slot.offset + slot.len,
             tangent: slot.column..slot.column + tangent_dim,
+            components: Vec::new(),
             plus: V::plus::<f64>,
             minus: V::minus::<f64>,
         });
@@ -162,6 +163,10 @@ impl Problem {
 
     /// Bounds one component: `lower ≤ (x ⊟ x₀)ᵢ ≤ upper` with x₀ the starting value given when the
     /// variable was added. Steps are then box-constrained (clarabel) where a bound could be active.
+    ///
+    /// # Panics
+    /// If the variable is curved (a rotation, pose, direction or plane): there a bound on the tangent
+    /// at x₀ is not one on the step from x, and would not be kept exactly.
     #[track_caller]
     pub fn bound_component<V: Variable>(
         &mut self,
@@ -171,7 +176,29 @@ impl Problem {
         upper: f64,
     ) {
         let range = self.columns_of(var);
+        let flat = range.len() == self.variables[var.index()].ambient.len();
+        assert!(
+            flat,
+            "`{}` is curved: its components cannot be bounded",
+            self.variables[var.index()].name
+        );
         self.bounds[range][component] = (lower, upper);
+    }
+
+    /// Names the components of a variable, for errors: `theta3` says more than "component 17".
+    ///
+    /// # Panics
+    /// If there is not one name for each degree of freedom.
+    #[track_caller]
+    pub fn name_components<V: Variable>(&mut self, var: Var<V>, names: &[String]) {
+        let dim = var.tangent_dim();
+        assert_eq!(
+            names.len(),
+            dim,
+            "{} names for {dim} components",
+            names.len()
+        );
+        self.variables[var.index()].components = names.to_vec();
     }
 
     /// The columns of a variable in the Jacobian.
@@ -378,6 +405,10 @@ impl LeastSquares for Problem {
         Some(StepBounds { lower, upper })
     }
 
+    fn is_robust(&self) -> bool {
+        self.blocks.iter().any(|block| block.is_robust())
+    }
+
     fn describe_row(&self, row: usize) -> String {
         let mut first = 0;
         for block in &self.blocks {
@@ -397,6 +428,9 @@ impl LeastSquares for Problem {
 
     fn describe_column(&self, column: usize) -> String {
         match self.variables.iter().find(|v| v.tangent.contains(&column)) {
+            Some(variable) if !variable.components.is_empty() => {
+                format!("`{}`", variable.components[column - variable.tangent.start])
+            }
             Some(variable) if variable.tangent.len() == 1 => format!("`{}`", variable.name),
             Some(variable) => format!(
                 "component {} of `{}`",

@@ -137,6 +137,8 @@ pub(crate) struct VariableSlot {
     pub name: String,
     pub ambient: Range<usize>,
     pub tangent: Range<usize>,
+    /// Names of its components; none to number them.
+    pub components: Vec<String>,
     pub plus: fn(&[f64], &[f64], &mut [f64]),
     pub minus: fn(&[f64], &[f64], &mut [f64]),
 }

@@ -158,8 +158,11 @@ impl Assembly {
             };
             a.robots
                 .push(a.problem.add_variable::<Vector>(name, &state.robots[robot]));
-            for parameter in 0..arm.robot.parameters().len() {
-                let name = arm.parameter_name(parameter);
+            let names: Vec<String> = (0..arm.robot.parameters().len())
+                .map(|p| arm.parameter_name(p))
+                .collect();
+            a.problem.name_components(a.robots[robot], &names);
+            for (parameter, name) in names.into_iter().enumerate() {
                 a.columns.push(Column {
                     owner: Owner::Parameter { robot, parameter },
                     name,

@@ -44,8 +44,14 @@ impl Data<'_> {
         })
     }
 
-    /// Joint values of a robot, one row a measurement; `suffix` marks a second posture.
-    pub fn joints(&self, arm: &Arm, suffix: &str) -> Result<Vec<Vec<f64>>, InputError> {
+    /// Joint values of a robot, one row a measurement; `suffix` marks a second posture. Columns in
+    /// `taken` are other joints' already.
+    pub fn joints(
+        &self,
+        arm: &Arm,
+        suffix: &str,
+        taken: &mut Vec<String>,
+    ) -> Result<Vec<Vec<f64>>, InputError> {
         let mut q = vec![Vec::with_capacity(arm.robot.joints().len()); self.rows.len()];
         for (k, joint) in arm.robot.joints().iter().enumerate() {
             let dimension = if joint.kind == JointKind::Prismatic {
@@ -59,7 +65,25 @@ impl Data<'_> {
                 .find(|name| self.spec.columns.iter().any(|(from, _)| from == *name));
             let name = mapped.or_else(|| candidates.iter().find(|name| self.table.has(name)));
             let values = match (name, joint.value) {
-                (Some(name), _) => self.numbers(name, dimension)?,
+                (Some(name), _) => {
+                    let (column, span) = self.column(name);
+                    if taken.contains(&column) {
+                        let message = format!(
+                            "joint `{}{suffix}` would be read from column `{column}`, which is another joint's already",
+                            joint.name
+                        );
+                        let error = match span {
+                            Some(span) => self.file.error_at(span, message),
+                            None => self.table.header_error(message),
+                        };
+                        return Err(error.with_help(format!(
+                            "name each joint's column in the calibration file, columns = {{ \"{}\" = \"…\" }}",
+                            joint_columns(arm, k, suffix)[0]
+                        )));
+                    }
+                    taken.push(column);
+                    self.numbers(name, dimension)?
+                }
                 (None, Some(value)) => vec![value; self.rows.len()],
                 (None, None) => {
                     let columns: Vec<String> =
@@ -72,9 +96,9 @@ impl Data<'_> {
                     };
                     // A column that is another joint's is not this one's with a slip of the pen.
                     let joints = 0..arm.robot.joints().len();
-                    let taken: Vec<String> =
+                    let others: Vec<String> =
                         joints.flat_map(|k| joint_columns(arm, k, "")).collect();
-                    let free = columns.iter().filter(|column| !taken.contains(column));
+                    let free = columns.iter().filter(|column| !others.contains(column));
                     let near = nearest(&candidates[0], free.map(String::as_str));
                     let column = near.unwrap_or("…");
                     return Err(self.table.header_error(format!(

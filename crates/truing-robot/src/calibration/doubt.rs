@@ -15,7 +15,7 @@ impl Calibration {
     ) {
         for set in validation {
             if let (Some(registered), Some(after)) = (&set.registered, &set.after)
-                && after.rms > registered.rms
+                && after.rms > registered.rms + NOTHING
             {
                 let distrust = if after.rms > WORSE * registered.rms {
                     DISTRUST
@@ -55,9 +55,14 @@ impl Calibration {
                 .parameters()
                 .iter()
                 .zip(nominal.iter().zip(estimate));
-            let lengths = lengths.filter(|(p, _)| p.unit() == Unit::Meter);
+            // Where a robot stands and what tool it has may be quite unknown; its links are not.
+            let robot = &arm.robot;
+            let placed = [robot.base_parameters(), robot.tool_parameters()].concat();
+            let lengths = lengths
+                .enumerate()
+                .filter(|(k, (p, _))| p.unit() == Unit::Meter && !placed.contains(k));
             let (mut total, mut change) = (0.0, 0.0);
-            for (_, (nominal, estimate)) in lengths {
+            for (_, (_, (nominal, estimate))) in lengths {
                 total += nominal.abs();
                 change += (estimate - nominal) * (estimate - nominal);
             }
@@ -104,7 +109,10 @@ pub(super) const DISTRUST: &str = "not to be trusted: ";
 /// factor before the result is distrusted: where a robot is nearly nominal, chance decides.
 const WORSE: f64 = 1.1;
 
-/// The lengths of a robot may move by this share of their sum: no drawing is that wrong, but an
+/// Errors that differ by less [m] do not differ: a micrometre is beyond any robot.
+const NOTHING: f64 = 1e-6;
+
+/// The lengths of a robot's links may move by this share of their sum: no drawing is that wrong, but an
 /// arm that collapses onto a point moves by as much as it is long.
 const DEFORMED: f64 = 0.1;
 

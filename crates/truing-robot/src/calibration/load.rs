@@ -8,7 +8,7 @@ use crate::constraint::Derivatives;
 use crate::error::Error;
 use crate::file::{
     BoundSpec, CalibrationFile, ConstraintSpec, DistanceSpec, InputError, JacobianKind, Kind,
-    LossSpec, Quantity, RobotFile, RobotRef, SolverKind, Source, Spanned, Table,
+    LossSpec, Quantity, RobotFile, RobotRef, SigmaSpec, SolverKind, Source, Spanned, Table,
 };
 use crate::kinematics::{Robot, Unit};
 use std::collections::BTreeMap;
@@ -315,7 +315,8 @@ impl Loader<'_> {
             .or(spec.robot.as_ref());
         let robot = self.robot_number(first)?;
         data.check_columns(self.arms)?;
-        let q = data.joints(&self.arms[robot], "")?;
+        let mut taken = Vec::new();
+        let q = data.joints(&self.arms[robot], "", &mut taken)?;
         let measured = match spec.kind {
             Kind::Position => Measured::Position(data.points()?),
             Kind::Pose => {
@@ -342,7 +343,7 @@ impl Loader<'_> {
                                 .error_at(robots[1].span.clone(), format!("robot `{}` is named twice", robots[1].value))
                                 .with_help("name two robots, or one with `robot` and its second posture in columns q1b, q2b, …"));
                         }
-                        let q_b = data.joints(&self.arms[other], "")?;
+                        let q_b = data.joints(&self.arms[other], "", &mut taken)?;
                         Measured::Distance {
                             other: Some(other),
                             q_b,
@@ -350,7 +351,7 @@ impl Loader<'_> {
                         }
                     }
                     None => {
-                        let q_b = data.joints(&self.arms[robot], "b")?;
+                        let q_b = data.joints(&self.arms[robot], "b", &mut taken)?;
                         Measured::Distance {
                             other: None,
                             q_b,
@@ -387,6 +388,13 @@ impl Loader<'_> {
             .map(|names| &names[0])
             .or(spec.target.as_ref());
         let sigma = data.sigmas()?;
+        let one_length = matches!(spec.sigma, Some(SigmaSpec::Single(q)) if q.dimension.is_some());
+        if spec.kind == Kind::Pose && one_length {
+            self.notes.push(format!(
+                "`{}`: sigma says nothing of rotations, 0.1 mrad is taken; say sigma = {{ position = \"…\", rotation = \"…\" }}",
+                spec.name
+            ));
+        }
         let loss = match spec.loss {
             LossSpec::Trivial => Loss::Trivial,
             LossSpec::Huber(k) => Loss::Huber(k),

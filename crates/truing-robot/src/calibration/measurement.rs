@@ -45,7 +45,8 @@ pub struct Sigma {
 }
 
 impl Default for Sigma {
-    /// 0.1 mm and 0.1 mrad: what counts where nothing is said is only their ratio.
+    /// 0.1 mm and 0.1 mrad, as a good tracker has. Estimates depend only on ratios of standard
+    /// deviations; what counts as determined (0.1 m, 0.1 rad) depends on them as they are.
     fn default() -> Self {
         Self {
             position: 1e-4,

@@ -13,6 +13,7 @@ mod run;
 mod select;
 mod small_groups;
 mod start;
+mod uncertainty;
 
 pub use assembly::{Assembly, Column, Owner, State};
 pub use load::load;

@@ -18,13 +18,7 @@ impl Calibration {
         fitted: &Fitted,
     ) -> Result<SetResult, Error> {
         let errors = |state: &State| -> Result<ErrorSummary, Error> {
-            let own = State {
-                planes: vec![state.planes[k].clone()],
-                points: vec![state.points[k].clone()],
-                distances: vec![state.distances[k]],
-                ..state.clone()
-            };
-            self.errors(set, &own)
+            self.errors(set, &self.own(k, state))
         };
         Ok(SetResult {
             name: set.name.clone(),
@@ -40,6 +34,26 @@ impl Calibration {
             after: Some(errors(&fitted.estimated)?),
             unit: "m",
         })
+    }
+
+    /// The largest RMS error of a set of measurements in a state \[m\].
+    pub(super) fn misfit(&self, state: &State) -> Result<f64, Error> {
+        let mut largest = 0.0_f64;
+        for (k, set) in self.sets.iter().enumerate() {
+            let own = self.own(k, state);
+            largest = largest.max(self.errors(set, &own)?.rms);
+        }
+        Ok(largest)
+    }
+
+    /// A state with the planes, points and distances of set `k` alone.
+    fn own(&self, k: usize, state: &State) -> State {
+        State {
+            planes: vec![state.planes[k].clone()],
+            points: vec![state.points[k].clone()],
+            distances: vec![state.distances[k]],
+            ..state.clone()
+        }
     }
 
     /// Errors of one set in a state whose planes, points and distances are this set's.

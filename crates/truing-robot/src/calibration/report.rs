@@ -9,30 +9,29 @@ use super::result::{
 };
 use super::run::Calibration;
 use super::select::Choice;
-use truing::{Covariance, Solution};
+use super::uncertainty::Uncertainty;
+use truing::Solution;
 
 /// Puts the result together.
 pub(super) struct Report<'a> {
     pub calibration: &'a Calibration,
     pub assembly: &'a Assembly,
     pub choices: &'a [Choice],
-    pub covariance: Option<&'a Covariance>,
+    pub uncertainty: Option<&'a Uncertainty>,
 }
 
 impl Report<'_> {
+    /// Standard deviation of a column; none if it is not estimated or ended at a bound.
     fn sigma(&self, column: usize) -> Option<f64> {
-        let covariance = self.covariance?;
-        let sigma = covariance.std_dev(column) * covariance.sigma0();
-        (sigma.is_finite() && self.choices[column] == Choice::Estimated).then_some(sigma)
+        let sigma = self.uncertainty?.std_dev(column);
+        (sigma.is_finite() && sigma > 0.0).then_some(sigma)
     }
 
+    /// Standard deviations of a frame or tool point; none unless all its components are estimated:
+    /// those of the others would be conditional on an arbitrary one.
     fn sigmas(&self, first: usize, n: usize) -> Option<Vec<f64>> {
         (first..first + n)
-            .map(|column| {
-                self.sigma(column)
-                    .or(Some(0.0))
-                    .filter(|_| self.covariance.is_some())
-            })
+            .map(|column| self.sigma(column))
             .collect()
     }
 
@@ -75,21 +74,8 @@ impl Report<'_> {
             let estimate = state.robots[robot][parameter];
             let at_bound = self
                 .calibration
-                .estimate
-                .bounds
-                .iter()
-                .find(|(r, k, ..)| (*r, *k) == (robot, parameter) && status == Status::Estimated)
-                .and_then(|(_, _, lower, upper)| {
-                    let moved = estimate - p.nominal;
-                    let close = 1e-9 * (upper - lower);
-                    if moved <= lower + close {
-                        Some("lower")
-                    } else if moved >= upper - close {
-                        Some("upper")
-                    } else {
-                        None
-                    }
-                });
+                .at_bound(robot, parameter, estimate)
+                .filter(|_| status == Status::Estimated);
             results.push(ParameterResult {
                 name: info.name.clone(),
                 unit: p.unit().symbol(),
@@ -205,10 +191,7 @@ impl Report<'_> {
             iterations: solution.iterations,
             initial_cost: solution.initial_cost,
             cost: solution.cost,
-            sigma0: self
-                .covariance
-                .map(Covariance::sigma0)
-                .filter(|s| s.is_finite()),
+            sigma0: self.uncertainty.map(|u| u.sigma0).filter(|s| s.is_finite()),
             constraints,
             validation,
             parameters: self.parameters(state),
@@ -218,7 +201,7 @@ impl Report<'_> {
             points,
             distances,
             identifiable,
-            condition: self.covariance.map(Covariance::condition),
+            condition: self.uncertainty.map(|u| u.covariance.condition()),
         }
     }
 }

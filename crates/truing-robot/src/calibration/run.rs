@@ -2,7 +2,7 @@
 
 use super::assembly::{Assembly, Owner, State};
 use super::doubt::{DISTRUST, shortened};
-use super::measurement::{Arm, MeasurementSet};
+use super::measurement::{Arm, Measured, MeasurementSet};
 use super::report::Report;
 use super::result::{CalibrationResult, SetResult};
 use super::select::{Choice, default_preference, in_order, select};
@@ -10,7 +10,7 @@ use super::start::start;
 use crate::constraint::Derivatives;
 use crate::error::Error;
 use crate::file::RobotFile;
-use truing::{Covariance, Settings, Solution, Termination, Values, solve};
+use truing::{Settings, Solution, Termination, Values, solve};
 
 /// What to estimate, and how.
 #[derive(Clone, Default)]
@@ -149,19 +149,20 @@ impl Calibration {
 
         watch(Stage::Registering);
         let layout = Assembly::new(&self.arms, &self.sets, &begin, derivatives)?;
-        let bases: Vec<Vec<usize>> = self
-            .arms
-            .iter()
-            .map(|arm| arm.robot.base_parameters())
-            .collect();
-        let wanted = in_order(&layout, &preference, |owner| match owner {
-            Owner::Parameter { robot, parameter } => {
-                bases[*robot].contains(parameter) && self.wants(*robot, *parameter)
-            }
-            _ => true,
-        });
-        let choices = select(&self.arms, &self.sets, &begin, derivatives, &wanted, &[])?;
-        let registered = self.solve_columns(&begin, &choices, false)?.1;
+        let (registered, registration) = self.register(&begin, &preference)?;
+        if !registration.termination.converged() {
+            warnings.push(format!(
+                "the registration of the nominal robot, with which it is compared, did not converge: {}",
+                registration.termination
+            ));
+        }
+
+        // A base far from where its file puts it is where the registration found it. Otherwise the
+        // file knows better: a registration that the data hardly determine may wander.
+        let mut near = begin.clone();
+        if self.misfit(&begin)? > FAR && self.misfit(&registered)? < 0.5 * FAR {
+            near.clone_from(&registered);
+        }
 
         watch(Stage::Identifying);
         let wanted = in_order(&layout, &preference, |owner| match owner {
@@ -174,21 +175,27 @@ impl Calibration {
             .iter()
             .map(|(robot, parameter, _)| layout.robot(*robot).column() + parameter)
             .collect();
-        let choices = select(
-            &self.arms,
-            &self.sets,
-            &begin,
-            derivatives,
-            &wanted,
-            &priors,
-        )?;
+        let choices = select(&self.arms, &self.sets, &near, derivatives, &wanted, &priors)?;
         let rows: usize = self.sets.iter().map(|set| set.len() * set.dim()).sum();
         // What the structure allows: with too few rows, which of it these data excite is chance.
         let unknowns = choices
             .iter()
             .filter(|c| matches!(c, Choice::Estimated | Choice::Unexcited))
             .count();
-        let priors = self.estimate.priors.len();
+        // A prior counts for a parameter that is estimated, or would be without it.
+        let counts = |c: &&usize| matches!(choices[**c], Choice::Estimated | Choice::Unexcited);
+        let idle: Vec<String> = priors
+            .iter()
+            .filter(|c| !counts(c))
+            .map(|c| layout.columns[*c].name.clone())
+            .collect();
+        let priors = priors.iter().filter(counts).count();
+        if !idle.is_empty() && priors == 0 {
+            warnings.push(format!(
+                "no prior has an effect: {} are not estimated",
+                shortened(&idle)
+            ));
+        }
         if rows + priors < unknowns {
             return Err(Error::calibration(
                 format!(
@@ -205,10 +212,8 @@ impl Calibration {
         }
 
         watch(Stage::Estimating);
-        let (assembly, estimated, solution) = {
-            let (assembly, state, solution) = self.solve_columns(&begin, &choices, true)?;
-            (assembly, state, solution)
-        };
+        let from = self.starting_state(&near, &choices, &layout);
+        let (assembly, estimated, solution) = self.solve_columns(&from, &choices, true)?;
 
         watch(Stage::Validating);
         let fitted = Fitted {
@@ -227,8 +232,8 @@ impl Calibration {
         for set in &self.validate {
             validation.push(self.validate_set(set, &fitted)?);
         }
-        let covariance = match Covariance::at(&assembly.problem, &solution.values) {
-            Ok(covariance) => Some(covariance),
+        let uncertainty = match self.uncertainty(&fitted.estimated, &choices) {
+            Ok(uncertainty) => Some(uncertainty),
             Err(error) => {
                 warnings.push(format!(
                     "{DISTRUST}at this solution some unknowns cannot be told apart, so there are no standard deviations \
@@ -253,6 +258,15 @@ impl Calibration {
             .filter(|c| choices[*c] == Choice::Unexcited)
             .map(|c| assembly.columns[c].name.clone())
             .collect();
+        for (c, column) in assembly.columns.iter().enumerate() {
+            if let (Choice::Unexcited, Owner::Frame(name)) = (&choices[c], &column.owner) {
+                warnings.push(format!(
+                    "{DISTRUST}the sensor frame `{name}` is not determined by its readings ({}): read at least three \
+                     places that are not in one line",
+                    column.name
+                ));
+            }
+        }
         if !still.is_empty() {
             warnings.push(format!(
                 "not determined by these data, held at the start (`unexcited`): {}; measure in more varied postures",
@@ -263,7 +277,7 @@ impl Calibration {
             calibration: self,
             assembly: &assembly,
             choices: &choices,
-            covariance: covariance.as_ref(),
+            uncertainty: uncertainty.as_ref(),
         };
         let result = report.make(
             &fitted.estimated,
@@ -286,6 +300,96 @@ impl Calibration {
         })
     }
 
+    /// The nominal robot with frames, base, tool points, planes and points estimated.
+    ///
+    /// Where a plane or point is out of reach of the robot as its file places it, positions and poses
+    /// place it first.
+    fn register(
+        &self,
+        begin: &State,
+        preference: &[(usize, usize)],
+    ) -> Result<(State, Solution), Error> {
+        let layout = Assembly::new(&self.arms, &self.sets, begin, &self.estimate.derivatives)?;
+        let bases: Vec<Vec<usize>> = self
+            .arms
+            .iter()
+            .map(|arm| arm.robot.base_parameters())
+            .collect();
+        let wanted = in_order(&layout, preference, |owner| match owner {
+            Owner::Parameter { robot, parameter } => {
+                bases[*robot].contains(parameter) && self.wants(*robot, *parameter)
+            }
+            _ => true,
+        });
+        let derivatives = &self.estimate.derivatives;
+        let choices = match select(&self.arms, &self.sets, begin, derivatives, &wanted, &[]) {
+            Err(Error::Unreachable { message, help }) => {
+                let seen = |set: &&MeasurementSet| {
+                    matches!(set.measured, Measured::Position(_) | Measured::Pose(_))
+                };
+                let sets: Vec<MeasurementSet> = self.sets.iter().filter(seen).cloned().collect();
+                if sets.is_empty() || sets.len() == self.sets.len() {
+                    return Err(Error::Unreachable { message, help });
+                }
+                let placing = Self {
+                    sets,
+                    ..self.clone()
+                };
+                let nominal = start(&self.arms, &placing.sets, self.nominal(), &State::default());
+                let placed = placing.register(&nominal, preference)?.0.robots;
+                let begin = start(&self.arms, &self.sets, placed, &State::default());
+                let choices = select(&self.arms, &self.sets, &begin, derivatives, &wanted, &[])?;
+                let (_, state, solution) = self.solve_columns(&begin, &choices, false)?;
+                return Ok((state, solution));
+            }
+            choices => choices?,
+        };
+        let (_, state, solution) = self.solve_columns(begin, &choices, false)?;
+        Ok((state, solution))
+    }
+
+    /// Where the estimate starts: near a state, inside the bounds, with what is not estimated at
+    /// nominal.
+    fn starting_state(&self, near: &State, choices: &[Choice], layout: &Assembly) -> State {
+        let mut robots = self.nominal();
+        for (c, column) in layout.columns.iter().enumerate() {
+            if let (Choice::Estimated, Owner::Parameter { robot, parameter }) =
+                (&choices[c], &column.owner)
+            {
+                robots[*robot][*parameter] = near.robots[*robot][*parameter];
+            }
+        }
+        for (robot, parameter, lower, upper) in &self.estimate.bounds {
+            let nominal = self.arms[*robot].robot.parameters()[*parameter].nominal;
+            let value = &mut robots[*robot][*parameter];
+            *value = value.clamp(nominal + lower, nominal + upper);
+        }
+        if robots == near.robots {
+            return near.clone();
+        }
+        start(&self.arms, &self.sets, robots, &State::default())
+    }
+
+    /// Where a bounded parameter ended, if it is at one of its bounds.
+    pub(super) fn at_bound(
+        &self,
+        robot: usize,
+        parameter: usize,
+        estimate: f64,
+    ) -> Option<&'static str> {
+        let bound = |(r, p, ..): &&(usize, usize, f64, f64)| (*r, *p) == (robot, parameter);
+        let (_, _, lower, upper) = self.estimate.bounds.iter().find(bound)?;
+        let moved = estimate - self.arms[robot].robot.parameters()[parameter].nominal;
+        let close = 1e-9 * (upper - lower);
+        if moved <= lower + close {
+            Some("lower")
+        } else if moved >= upper - close {
+            Some("upper")
+        } else {
+            None
+        }
+    }
+
     /// Estimates the chosen columns from a state. The registration takes no bounds and priors.
     fn solve_columns(
         &self,
@@ -301,9 +405,12 @@ impl Calibration {
         if full {
             for (robot, parameter, lower, upper) in &self.estimate.bounds {
                 let var = assembly.robot(*robot);
+                // The problem's bounds are about its start.
+                let nominal = self.arms[*robot].robot.parameters()[*parameter].nominal;
+                let shift = nominal - from.robots[*robot][*parameter];
                 assembly
                     .problem
-                    .bound_component(var, *parameter, *lower, *upper);
+                    .bound_component(var, *parameter, lower + shift, upper + shift);
             }
             for (robot, parameter, sigma) in &self.estimate.priors {
                 let var = assembly.robot(*robot);
@@ -339,6 +446,9 @@ impl Calibration {
         Ok((assembly, state, solution))
     }
 }
+
+/// Errors [m] above which the robot does not stand where its file says.
+const FAR: f64 = 0.05;
 
 /// The solution of a problem in which nothing is free.
 fn unchanged(values: Values) -> Solution {

@@ -11,7 +11,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use truing::identifiability::{ColumnStatus, base_columns};
 use truing::nalgebra::{DMatrix, DVector};
-use truing::{LeastSquares, Linearization, step};
+use truing::{LeastSquares, Linearization, Loss, step};
 
 /// What is left of a scaled column at configurations that satisfy the constraints exactly: true
 /// rank keeps about 1e-2, a dependent column about 1e-16; tables written to five digits in between.
@@ -53,7 +53,12 @@ fn structural_twin(
             near: Some(set),
         };
         let mut rng = ChaCha8Rng::seed_from_u64(1996 + k as u64);
-        sample(arms, k, set, state, &sampling, &mut rng)
+        // Structure knows no noise: all sets weigh the same.
+        let set = MeasurementSet {
+            sigma: Vec::new(),
+            ..set.clone()
+        };
+        sample(arms, k, &set, state, &sampling, &mut rng)
     };
     sets.iter().enumerate().map(twin).collect()
 }
@@ -100,7 +105,15 @@ pub fn select(
     wanted: &[usize],
     with_prior: &[usize],
 ) -> Result<Vec<Choice>, Error> {
-    let data = Assembly::new(arms, sets, state, derivatives)?;
+    // A robust loss would weigh rows by how far the start is off.
+    let plain: Vec<MeasurementSet> = sets
+        .iter()
+        .map(|set| MeasurementSet {
+            loss: Loss::Trivial,
+            ..set.clone()
+        })
+        .collect();
+    let data = Assembly::new(arms, &plain, state, derivatives)?;
     let twin_sets = structural_twin(arms, sets, state)?;
     let twin = Assembly::new(arms, &twin_sets, state, derivatives)?;
     let mut choices = vec![Choice::Fixed; data.columns.len()];
@@ -149,8 +162,9 @@ pub fn select(
         let dark = (0..kept.len()).find(|k| {
             let (left, column) = (triangle[(*k, *k)].abs(), kept[*k]);
             let robot = matches!(data.columns[column].owner, Owner::Parameter { .. });
-            let weak = robot && !with_prior.contains(&column) && left * WEAKEST < 1.0;
-            left <= EXCITATION * triangle.column(*k).norm() || weak
+            let weak = robot && left * WEAKEST < 1.0;
+            let unmoved = left <= EXCITATION * triangle.column(*k).norm();
+            (unmoved || weak) && !with_prior.contains(&column)
         });
         match dark {
             Some(k) => choices[kept.remove(k)] = Choice::Unexcited,

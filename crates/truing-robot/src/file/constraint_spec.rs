@@ -156,7 +156,7 @@ impl PlaneSpec {
 /// The distance of a `distance` constraint.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum DistanceSpec {
-    /// It is known, zero or more \[m\].
+    /// It is known, more than zero \[m\].
     Value(f64),
     /// It is estimated.
     Estimate,
@@ -369,8 +369,8 @@ mod tests {
         assert_eq!(spec.sigma, Some(SigmaSpec::Single(Quantity::bare(1e-4))));
         let spec = read("kind = 'distance'\ndistance = 'estimate'").unwrap();
         assert_eq!(spec.distance, Some(DistanceSpec::Estimate));
-        let spec = read("kind = 'distance'\ndistance = '0 mm'").unwrap();
-        assert_eq!(spec.distance, Some(DistanceSpec::Value(0.0)));
+        let spec = read("kind = 'distance'\ndistance = '1 mm'").unwrap();
+        assert_eq!(spec.distance, Some(DistanceSpec::Value(1e-3)));
     }
 
     #[test]
@@ -471,7 +471,8 @@ mod tests {
                 "plane = { normal = [0, 0, nan], distance = 1 }",
                 "finite",
             ),
-            ("distance", "distance = -1", "0 or more"),
+            ("distance", "distance = -1", "more than 0"),
+            ("distance", "distance = 0", "more than 0"),
             ("distance", "distance = 'estimated'", "\"estimate\""),
             ("distance", "distance = '1 deg'", "an angle"),
             ("pose", "columns = { x = 1 }", "expected a text"),

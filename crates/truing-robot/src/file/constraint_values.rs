@@ -270,12 +270,12 @@ pub(super) fn distance(
         };
     }
     let value = item.in_units(Dimension::Length, &Units::SI)?;
-    if value >= 0.0 {
+    if value > 0.0 {
         return Ok(Some(DistanceSpec::Value(value)));
     }
     Err(item
-        .error(format!("found {value}; expected 0 or more"))
-        .with_help("a distance has no sign"))
+        .error(format!("found {value}; expected more than 0"))
+        .with_help("two points that meet are a `same-point`; balls that touch are the sum of their radii apart"))
 }
 
 /// `columns = { x = "s1x" }`.

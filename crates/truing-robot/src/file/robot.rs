@@ -118,7 +118,16 @@ impl RobotFile {
         let mut joints = Vec::new();
         let mut names = BTreeSet::new();
         for mut table in root.tables("joint")? {
-            let joint = joint(&mut table, joints.len() + 1, convention, &units)?;
+            let moving = joints
+                .iter()
+                .filter(|j: &&JointRow| j.kind != JointKind::Fixed)
+                .count();
+            let joint = joint(
+                &mut table,
+                [joints.len() + 1, moving + 1],
+                convention,
+                &units,
+            )?;
             if !names.insert(joint.name.clone()) {
                 let at = table.get("name").map_or(table.span(), |item| item.span());
                 let message = format!("a second joint is called `{}`", joint.name);
@@ -228,15 +237,18 @@ fn frame(
 
 fn joint(
     table: &mut Section<'_>,
-    number: usize,
+    [number, moving]: [usize; 2],
     convention: Convention,
     units: &Units,
 ) -> Result<JointRow, InputError> {
-    let name = match table.get("name") {
-        Some(item) => item.name_text()?.value,
-        None => format!("q{number}"),
-    };
+    let name = table.get("name");
     let kind = joint_kind(&table.require("type", "expected revolute, prismatic or fixed")?)?;
+    // Data count the joints that move: `q2` is the second of these.
+    let name = match name {
+        Some(item) => item.name_text()?.value,
+        None if kind == JointKind::Fixed => format!("fixed{number}"),
+        None => format!("q{moving}"),
+    };
     let frame = frame(table, convention, Part::Joint, units)?;
     if kind == JointKind::Fixed {
         for key in ["gain", "limits", "value"] {

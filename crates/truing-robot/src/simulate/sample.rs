@@ -162,12 +162,13 @@ pub fn sample(
             }
         }
     };
-    // Noise-free data are weighted as by default.
-    let sigma = sampling
-        .noise
-        .filter(|s| s.position > 0.0)
-        .or(set.sigma.first().copied())
-        .unwrap_or_default();
+    // What has no noise is weighted as by default.
+    let usual = set.sigma.first().copied().unwrap_or_default();
+    let or_usual = |noise: f64, usual: f64| if noise > 0.0 { noise } else { usual };
+    let sigma = Sigma {
+        position: or_usual(noise.position, usual.position),
+        rotation: or_usual(noise.rotation, usual.rotation),
+    };
     Ok(MeasurementSet {
         sigma: vec![sigma; q.len()],
         q,

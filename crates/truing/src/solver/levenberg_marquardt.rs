@@ -13,11 +13,11 @@ use serde::{Deserialize, Serialize};
 /// Levenberg–Marquardt: min ½‖Jδ + r‖² + ½λ‖Dδ‖², D the largest column norms seen so far.
 ///
 /// One iteration is one trial step. The gain ratio, actual over predicted decrease, is that of the
-/// undamped model over the free columns under bounds and losses, so it tends to one at every
-/// regular minimum. A trial whose cost or Jacobian is not finite is a rejected step.
+/// undamped model over the free columns under bounds, so without robust losses it tends to one at
+/// every regular minimum. A trial whose cost or Jacobian is not finite is a rejected step.
 ///
 /// Where a trial gained less than promised, the next one bends with the valley: a second-order
-/// correction for one more residual (geodesic acceleration). On ill-conditioned calibrations it
+/// correction for one more residual (geodesic acceleration; not under bounds or robust losses). On ill-conditioned calibrations it
 /// takes several times fewer iterations.
 ///
 /// # Requirements
@@ -267,7 +267,9 @@ where
                 Some(kv!("lambda" => self.lambda;)),
             ));
         };
-        let bend = if self.curved && current.bounds.is_none() {
+        let bendable = self.curved && current.bounds.is_none();
+        let bendable = problem.problem("describe_count", |p| Ok(bendable && !p.is_robust()))?;
+        let bend = if bendable {
             self.evaluations.residual += 1;
             problem.problem("residual_count", |p| {
                 Ok(self.bend(p, &x, &step, &mut current))

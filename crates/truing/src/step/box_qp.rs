@@ -1,7 +1,7 @@
 //! Bounded steps: a convex box QP by clarabel, polished on its active set.
 
 use clarabel::algebra::CscMatrix;
-use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, SupportedConeT};
+use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, SolverStatus, SupportedConeT};
 use faer::Mat;
 
 /// min ½‖Ry + z‖² with lower ≤ y ≤ upper, where R and z are the triangle and last column of
@@ -9,7 +9,8 @@ use faer::Mat;
 ///
 /// clarabel's interior-point solution says which bounds are active; the remaining components are
 /// then solved for exactly, so an interior-point tolerance never reaches the step. Should the
-/// polished point leave the box, clarabel's own, clipped, is returned.
+/// polished point leave the box, clarabel's own, clipped, is returned; should clarabel fail, a step
+/// against the gradient.
 pub fn box_qp(triangle: &Mat<f64>, lower: &[f64], upper: &[f64]) -> Vec<f64> {
     let n = lower.len();
     let r = |i: usize, k: usize| if i <= k { triangle[(i, k)] } else { 0.0 };
@@ -53,9 +54,13 @@ pub fn box_qp(triangle: &Mat<f64>, lower: &[f64], upper: &[f64]) -> Vec<f64> {
     let cones = [SupportedConeT::NonnegativeConeT(b.len())];
     let clip = |y: f64, k: usize| y.clamp(lower[k], upper[k]);
     let Ok(mut solver) = DefaultSolver::new(&p_matrix, &q, &a_matrix, &b, &cones, settings) else {
-        return vec![0.0; n];
+        return downhill(triangle, &q, lower, upper);
     };
     solver.solve();
+    let solved = matches!(
+        solver.solution.status,
+        SolverStatus::Solved | SolverStatus::AlmostSolved
+    );
     let rough: Vec<f64> = solver
         .solution
         .x
@@ -63,8 +68,8 @@ pub fn box_qp(triangle: &Mat<f64>, lower: &[f64], upper: &[f64]) -> Vec<f64> {
         .enumerate()
         .map(|(k, y)| clip(*y, k))
         .collect();
-    if rough.iter().any(|y| !y.is_finite()) {
-        return vec![0.0; n];
+    if !solved || rough.iter().any(|y| !y.is_finite()) {
+        return downhill(triangle, &q, lower, upper);
     }
 
     // Active where the multiplier outweighs the slack.
@@ -81,6 +86,22 @@ pub fn box_qp(triangle: &Mat<f64>, lower: &[f64], upper: &[f64]) -> Vec<f64> {
         }
     }
     polish(triangle, &active, lower, upper).unwrap_or(rough)
+}
+
+/// The best step against the gradient, clipped to the box: what is left where the QP has no solution.
+fn downhill(triangle: &Mat<f64>, gradient: &[f64], lower: &[f64], upper: &[f64]) -> Vec<f64> {
+    let n = gradient.len();
+    let image = |i: usize| (i..n).map(|k| triangle[(i, k)] * gradient[k]).sum::<f64>();
+    let curvature: f64 = (0..n).map(|i| image(i).powi(2)).sum();
+    let slope: f64 = gradient.iter().map(|g| g * g).sum();
+    let length = if curvature > 0.0 {
+        slope / curvature
+    } else {
+        0.0
+    };
+    (0..n)
+        .map(|k| (-length * gradient[k]).clamp(lower[k], upper[k]))
+        .collect()
 }
 
 /// The minimiser with the active components at their bounds, if it stays in the box.

@@ -53,6 +53,8 @@ const MIN_LAMBDA: f64 = 1e-20;
 const MAX_LAMBDA: f64 = 1e24;
 /// A relative decrease below which the difference of two costs is rounding.
 const ROUNDING: f64 = 1e-12;
+/// A step this short relative to the point may be taken unseen.
+const SHORT: f64 = 1e-6;
 /// The damping of a step that stands for the undamped one: a column that depends on others but for
 /// rounding, ε of its length, promises ε² / λ = ε of the cost with it, and without it anything.
 const UNDAMPED: f64 = f64::EPSILON;
@@ -98,6 +100,44 @@ impl<S: StepSolver> LevenbergMarquardt<S> {
     pub fn initial_damping(mut self, lambda: f64) -> Self {
         self.lambda = lambda.clamp(MIN_LAMBDA, MAX_LAMBDA);
         self
+    }
+
+    /// Where the cost is flat to rounding the gradient is not zero yet: a cost that is right to its
+    /// last bit leaves the point wrong by the root of that. The undamped step, whose promise is too
+    /// small to be seen in the cost, is taken unseen if it is short.
+    fn polished<O: LeastSquares>(
+        &mut self,
+        problem: &mut Problem<O>,
+        x: O::Point,
+        current: &mut Current,
+    ) -> Result<(O::Point, f64), argmin::core::Error> {
+        let cost = current.lin.cost;
+        let flat_out = matches!(
+            self.termination,
+            Some(
+                Termination::Cost { .. } | Termination::Step { .. } | Termination::Gradient { .. }
+            )
+        );
+        if !flat_out {
+            return Ok((x, cost));
+        }
+        let Ok(step) = self.step.step(UNDAMPED, current.bounds.as_ref()) else {
+            return Ok((x, cost));
+        };
+        let (trial, trial_cost, size) = problem.problem("residual_count", |p| {
+            let trial = p.plus(&x, &step.delta);
+            let cost = p.residual(&trial, &mut current.trial_residual);
+            Ok((trial, cost, p.norm(&x)))
+        })?;
+        self.evaluations.residual += 1;
+        let short = step.length() <= SHORT * (size + SHORT);
+        // A cost that is higher by rounding would not be taken for the best: keep the lower one.
+        let flat = trial_cost - cost <= ROUNDING * cost;
+        Ok(if short && flat {
+            (trial, trial_cost.min(cost))
+        } else {
+            (x, cost)
+        })
     }
 
     /// Whether nothing is left to be gained, seen from a trial that gained nothing: the undamped
@@ -323,7 +363,7 @@ where
             if self.termination.is_none() && small {
                 self.termination = self.exhausted(&current, size);
             }
-            let cost = current.lin.cost;
+            let (trial, cost) = self.polished(problem, trial, &mut current)?;
             self.current = Some(current);
             Ok((state.param(trial).cost(cost), Some(metrics)))
         } else {
@@ -339,6 +379,7 @@ where
                 });
             }
             self.reject();
+            let (x, cost) = self.polished(problem, x, &mut current)?;
             self.current = Some(current);
             Ok((state.param(x).cost(cost), Some(metrics)))
         }

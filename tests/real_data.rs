@@ -375,6 +375,72 @@ fn all_combined() -> Result<(), Failed> {
     Ok(())
 }
 
+/// A few tracker rows spread over the grid.
+const FEW: &str = "pose == 1 or pose == 20 or pose == 40 or pose == 60 or pose == 80 or pose == 100 or pose == 120 \
+     or pose == 140 or pose == 160 or pose == 180";
+
+fn few_rows(text: &mut String, robot: &str) {
+    for (section, rows) in [
+        ("constraint", FEW.to_owned()),
+        ("validate", format!("not ({FEW})")),
+    ] {
+        writeln!(
+            text,
+            "[[{section}]]\nkind = \"position\"\n{robot}name = \"{section} tracker\""
+        )
+        .unwrap();
+        writeln!(
+            text,
+            "data = \"DATA/motoman_leica/right_grid_6x6x6.csv\"\nrows = \"{rows}\""
+        )
+        .unwrap();
+        writeln!(text, "frame = \"tracker\"\ntarget = \"reflector\"").unwrap();
+    }
+}
+
+/// Touches and a few tracker rows: the touches' residual stays what the README says; whether the
+/// rows that were not used are predicted better than by the registered nominal robot decides trust.
+fn planes_with_a_few_tracker_rows() -> Result<(), Failed> {
+    let mut text = format!(
+        "[robot]\nfile = \"robot.toml\"\n[estimate]\nfixed = [\"K*\"]\nprior = {{ {PRIOR} }}\n\
+         [[constraint]]\nkind = \"unknown-plane\"\ndata = \"DATA/motoman_planes/plane_contacts.csv\"\n\
+         group = [\"plane\", \"rep\"]\ntarget = \"ball\"\nsigma = \"0.3 mm\"\nloss = \"huber(1.5)\"\n"
+    );
+    few_rows(&mut text, "");
+    let result = calibrate(
+        &[("robot.toml", "motoman_planes/nominal_right.json")],
+        &text,
+    );
+    assert!(result.termination.converged, "{:?}", result.termination);
+    near("touches", mm(&result.constraints[0]).1, 0.35, 0.005)?;
+    let (registered, after) = mm(&result.validation[0]);
+    assert_eq!(
+        result.trusted,
+        after <= 1.1 * registered,
+        "{after} against {registered}"
+    );
+    Ok(())
+}
+
+/// Arms touching and a few tracker rows: both get better, and so do the rows that were not used.
+fn self_contact_with_a_few_tracker_rows() -> Result<(), Failed> {
+    let mut text = arms("parameters = [\"left.base\", \"theta*\"]");
+    few_rows(&mut text, "robot = \"right\"\n");
+    let result = calibrate(&ARMS, &text);
+    assert!(
+        result.termination.converged && result.trusted,
+        "{:?} {:?}",
+        result.termination,
+        result.warnings
+    );
+    at_most("touches", mm(&result.constraints[0]).1, 0.046)?;
+    for set in result.constraints.iter().chain(&result.validation) {
+        let (registered, after) = mm(set);
+        at_most(&set.name, after, registered)?;
+    }
+    Ok(())
+}
+
 /// The Panda's ball in two sockets 0.05 m apart: README 10.78 -> 0.253 mm and 9.05 -> 0.184 mm for
 /// one tool position, from a URDF with 48 parameters. Here a Khalil–Kleinfinger table, the same
 /// point, the distance of the sockets, and a prior (0.3 m, 0.3 rad) so weak that it only admits
@@ -511,7 +577,15 @@ fn main() -> ExitCode {
             "planes_alone_collapse_and_are_not_trusted",
             planes_alone_collapse_and_are_not_trusted,
         ),
+        trial(
+            "planes_with_a_few_tracker_rows",
+            planes_with_a_few_tracker_rows,
+        ),
         trial("self_contact", self_contact),
+        trial(
+            "self_contact_with_a_few_tracker_rows",
+            self_contact_with_a_few_tracker_rows,
+        ),
         trial("all_combined", all_combined),
         trial("panda_1_in_two_sockets", || {
             panda("panda_1", "front", 10.78, 0.253)

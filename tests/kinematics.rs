@@ -444,6 +444,30 @@ fn joints_keep_their_names_limits_and_values() {
     assert_eq!(again.joints(), robot.joints());
 }
 
+/// A joint that is parked for good is fixed, at its value.
+#[test]
+fn a_fixed_joint_may_be_parked_at_a_value() {
+    let parked = read(
+        "convention = 'kk'\nunits = { angle = 'deg' }\njoint = [
+            { type = 'fixed', alpha = 20, theta = 10, value = 30 },
+            { type = 'revolute', d = 0.5 },
+        ]",
+    );
+    let turned = read(
+        "convention = 'kk'\nunits = { angle = 'deg' }\njoint = [
+            { type = 'fixed', alpha = 20, theta = 40 },
+            { type = 'revolute', d = 0.5 },
+        ]",
+    );
+    let pose = |robot: &Robot| robot.forward(&robot.nominal(), &[0.3]);
+    approx::assert_relative_eq!(
+        pose(&parked).translation,
+        pose(&turned).translation,
+        epsilon = 1e-15
+    );
+    assert_eq!(parked.joints().len(), 1);
+}
+
 /// Khalil's generalised differential model: column by column, position over rotation.
 ///
 /// In the distal convention the same axes, in the order of its elementary motions.

@@ -249,13 +249,17 @@ fn joint(
         None if kind == JointKind::Fixed => format!("fixed{number}"),
         None => format!("q{moving}"),
     };
-    let frame = frame(table, convention, Part::Joint, units)?;
+    let mut frame = frame(table, convention, Part::Joint, units)?;
     if kind == JointKind::Fixed {
-        for key in ["gain", "limits", "value"] {
+        for key in ["gain", "limits"] {
             if let Some(item) = table.peek(key) {
                 let error = item.error("a fixed joint does not move and has none");
                 return Err(error.with_help("remove it, or change the `type` of the joint"));
             }
+        }
+        // A joint that is parked for good: the angle it is parked at is part of its frame.
+        if let Some(item) = table.get("value") {
+            frame.theta += item.in_units(Dimension::Angle, units)?;
         }
     }
     let gain = match table.get("gain") {
@@ -273,6 +277,7 @@ fn joint(
         None => None,
     };
     let value = match table.get("value") {
+        _ if kind == JointKind::Fixed => None,
         Some(item) => Some(item.in_units(kind.dimension(), units)?),
         None => None,
     };

@@ -215,7 +215,7 @@ pub struct ConstraintSpec {
     pub distance: Option<DistanceSpec>,
     /// The columns of the data, by what they are read as.
     pub columns: Vec<(String, Spanned<String>)>,
-    /// The units of the columns whose header has none.
+    /// The units of bare numbers, in this table and in columns whose header has none.
     pub units: Units,
     /// The rows to use; all by default.
     pub rows: Option<Spanned<Selection>>,
@@ -238,6 +238,7 @@ impl ConstraintSpec {
         let kind = Kind::read(&table.require("kind", &format!("expected {kinds}"))?)?;
         refuse_keys_of_other_kinds(&mut table, kind)?;
         let data = table.require("data", "expected the name of a CSV file")?;
+        let units = table.units()?;
         let spec = Self {
             name: table
                 .get("name")
@@ -248,7 +249,7 @@ impl ConstraintSpec {
             data: folder.join(data.name_text()?.value),
             sigma: table
                 .get("sigma")
-                .map(|item| sigma(&item, kind))
+                .map(|item| sigma(&item, kind, &units))
                 .transpose()?,
             loss: match table.get("loss") {
                 Some(item) => loss(&item)?,
@@ -258,14 +259,14 @@ impl ConstraintSpec {
             robots: two_robots(&mut table)?,
             target: name(&mut table, "target")?,
             targets: two_targets(&mut table)?,
-            target_guess: target_guess(&mut table)?,
+            target_guess: target_guess(&mut table, &units)?,
             frame: name(&mut table, "frame")?,
-            frame_guess: frame_guess(&mut table)?,
+            frame_guess: frame_guess(&mut table, &units)?,
             group: group(&mut table)?,
-            plane: plane(&mut table, kind)?,
-            distance: distance(&mut table, kind)?,
+            plane: plane(&mut table, kind, &units)?,
+            distance: distance(&mut table, kind, &units)?,
             columns: columns(&mut table)?,
-            units: table.units()?,
+            units,
             rows: rows(&mut table)?,
             holdout: holdout(&mut table)?,
             spans: table.spans(),
@@ -336,8 +337,8 @@ mod tests {
     fn every_key_is_read() {
         let spec = read(
             "kind = 'pose'\nname = 'a'\nsigma = { position = '0.1 mm', rotation = '0.2 mrad' }\n\
-             target = 's1'\ntarget_guess = [0, '10 mm', 1]\nframe = 'tracker'\n\
-             frame_guess = [1, 2, '3 m', 0.0, 1.01, 0, 0]\ncolumns = { x = 's1x', q1 = 'q_S' }\n\
+             target = 's1'\ntarget_guess = [0, '10 mm', 1000]\nframe = 'tracker'\n\
+             frame_guess = [1000, 2e3, '3 m', 0.0, 1.01, 0, 0]\ncolumns = { x = 's1x', q1 = 'q_S' }\n\
              units = { length = 'mm' }\nrows = '0:400'\nholdout = { every = 10, rows = [7, 0, 7] }",
         )
         .unwrap();

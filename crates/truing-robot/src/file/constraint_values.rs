@@ -8,8 +8,12 @@ use super::section::{Section, Spanned};
 use super::selection::Selection;
 
 /// A quantity of this dimension, in m, rad or 1, that is more than zero.
-pub(super) fn positive(item: &Item<'_>, dimension: Dimension) -> Result<f64, InputError> {
-    let value = item.in_units(dimension, &Units::SI)?;
+pub(super) fn positive(
+    item: &Item<'_>,
+    dimension: Dimension,
+    units: &Units,
+) -> Result<f64, InputError> {
+    let value = item.in_units(dimension, units)?;
     if value > 0.0 {
         return Ok(value);
     }
@@ -31,12 +35,17 @@ fn not_positive(item: &Item<'_>, value: f64) -> InputError {
 }
 
 /// `"0.1 mm"`, `1e-4`, or `{ position = "0.1 mm", rotation = "0.2 mrad" }`.
-pub(super) fn sigma(item: &Item<'_>, kind: Kind) -> Result<SigmaSpec, InputError> {
+pub(super) fn sigma(item: &Item<'_>, kind: Kind, units: &Units) -> Result<SigmaSpec, InputError> {
     if !item.is_table() {
         let quantity = positive_quantity(item)?;
         quantity
             .expect(Dimension::Length)
             .map_err(|error| item.refuse(error))?;
+        if quantity.dimension.is_none() && *units != Units::SI {
+            let value = item.in_units(Dimension::Length, units)?;
+            let dimension = Some(Dimension::Length);
+            return Ok(SigmaSpec::Single(Quantity { value, dimension }));
+        }
         return Ok(SigmaSpec::Single(quantity));
     }
     if kind != Kind::Pose {
@@ -49,8 +58,8 @@ pub(super) fn sigma(item: &Item<'_>, kind: Kind) -> Result<SigmaSpec, InputError
     let position = table.require("position", "expected a length")?;
     let rotation = table.require("rotation", "expected an angle")?;
     let sigma = SigmaSpec::Pose {
-        position: positive(&position, Dimension::Length)?,
-        rotation: positive(&rotation, Dimension::Angle)?,
+        position: positive(&position, Dimension::Length, units)?,
+        rotation: positive(&rotation, Dimension::Angle, units)?,
     };
     table.finish()?;
     Ok(sigma)
@@ -147,32 +156,37 @@ fn guess<'a>(table: &mut Section<'a>, key: &str, of: &str) -> Result<Option<Item
 }
 
 /// `target_guess = [x, y, z]`.
-pub(super) fn target_guess(table: &mut Section<'_>) -> Result<Option<[Quantity; 3]>, InputError> {
+pub(super) fn target_guess(
+    table: &mut Section<'_>,
+    units: &Units,
+) -> Result<Option<[Quantity; 3]>, InputError> {
     guess(table, "target_guess", "target")?
-        .map(|item| point(&item))
+        .map(|item| point(&item, units))
         .transpose()
 }
 
 /// `[x, y, z]`, lengths.
-pub(super) fn point(item: &Item<'_>) -> Result<[Quantity; 3], InputError> {
+pub(super) fn point(item: &Item<'_>, units: &Units) -> Result<[Quantity; 3], InputError> {
     let mut point = [Quantity::bare(0.0); 3];
     let items: [Item<'_>; 3] = item.list_of("[x, y, z]")?;
     for (coordinate, item) in point.iter_mut().zip(&items) {
-        item.in_units(Dimension::Length, &Units::SI)?;
-        *coordinate = item.quantity()?.value;
+        *coordinate = Quantity::bare(item.in_units(Dimension::Length, units)?);
     }
     Ok(point)
 }
 
 /// `frame_guess = [x, y, z, qw, qx, qy, qz]`, the quaternion brought to length one.
-pub(super) fn frame_guess(table: &mut Section<'_>) -> Result<Option<[f64; 7]>, InputError> {
+pub(super) fn frame_guess(
+    table: &mut Section<'_>,
+    units: &Units,
+) -> Result<Option<[f64; 7]>, InputError> {
     guess(table, "frame_guess", "frame")?
-        .map(|item| pose(&item))
+        .map(|item| pose(&item, units))
         .transpose()
 }
 
 /// `[x, y, z, qw, qx, qy, qz]`, the quaternion brought to length one.
-pub(super) fn pose(item: &Item<'_>) -> Result<[f64; 7], InputError> {
+pub(super) fn pose(item: &Item<'_>, units: &Units) -> Result<[f64; 7], InputError> {
     let items: [Item<'_>; 7] = item.list_of("[x, y, z, qw, qx, qy, qz]")?;
     let mut pose = [0.0; 7];
     for (i, (number, item)) in pose.iter_mut().zip(&items).enumerate() {
@@ -181,7 +195,7 @@ pub(super) fn pose(item: &Item<'_>) -> Result<[f64; 7], InputError> {
         } else {
             Dimension::None
         };
-        *number = item.in_units(dimension, &Units::SI)?;
+        *number = item.in_units(dimension, units)?;
     }
     let quaternion = &mut pose[3..];
     let norm = quaternion.iter().fold(0.0f64, |norm, q| norm.hypot(*q));
@@ -197,18 +211,22 @@ pub(super) fn pose(item: &Item<'_>) -> Result<[f64; 7], InputError> {
 }
 
 /// `{ normal = [0, 0, 1], distance = 0.4 }` or `{ a = 0.3, b = -0.5, c = -1.1 }`.
-pub(super) fn plane(table: &mut Section<'_>, kind: Kind) -> Result<Option<PlaneSpec>, InputError> {
+pub(super) fn plane(
+    table: &mut Section<'_>,
+    kind: Kind,
+    units: &Units,
+) -> Result<Option<PlaneSpec>, InputError> {
     if kind != Kind::KnownPlane {
         return Ok(None);
     }
     let item = table.require("plane", PLANE_EXPECTED)?;
-    plane_of(&item).map(Some)
+    plane_of(&item, units).map(Some)
 }
 
 const PLANE_EXPECTED: &str = "expected { normal = [0, 0, 1], distance = 0.4 } or { a, b, c }";
 
 /// A plane in one of its two forms.
-pub(super) fn plane_of(item: &Item<'_>) -> Result<PlaneSpec, InputError> {
+pub(super) fn plane_of(item: &Item<'_>, units: &Units) -> Result<PlaneSpec, InputError> {
     let mut table = item.table()?;
     let paper = ["a", "b", "c"];
     let by_paper = paper.iter().any(|key| table.peek(key).is_some());
@@ -236,7 +254,7 @@ pub(super) fn plane_of(item: &Item<'_>) -> Result<PlaneSpec, InputError> {
             *number = item.number()?.value;
         }
         let distance = table.require("distance", "expected a length")?;
-        let distance = distance.in_units(Dimension::Length, &Units::SI)?;
+        let distance = distance.in_units(Dimension::Length, units)?;
         (PlaneSpec::NormalDistance { normal, distance }, normal)
     };
     table.finish()?;
@@ -254,6 +272,7 @@ pub(super) fn plane_of(item: &Item<'_>) -> Result<PlaneSpec, InputError> {
 pub(super) fn distance(
     table: &mut Section<'_>,
     kind: Kind,
+    units: &Units,
 ) -> Result<Option<DistanceSpec>, InputError> {
     if kind != Kind::Distance {
         return Ok(None);
@@ -269,7 +288,7 @@ pub(super) fn distance(
                 .with_help(suggest(word, &["estimate"]))),
         };
     }
-    let value = item.in_units(Dimension::Length, &Units::SI)?;
+    let value = item.in_units(Dimension::Length, units)?;
     if value > 0.0 {
         return Ok(Some(DistanceSpec::Value(value)));
     }

@@ -262,7 +262,7 @@ fn constraint(
     }
     let sigma = table
         .get("sigma")
-        .map(|item| sigma(&item, kind))
+        .map(|item| sigma(&item, kind, &Units::SI))
         .transpose()?;
     let name = match table.get("name") {
         Some(item) => item.name_text()?.value,
@@ -283,7 +283,7 @@ fn constraint(
         .map(|item| item.name_text())
         .transpose()?;
     let target_position = match table.get("target_position") {
-        Some(item) => point(&item)?.map(|c| c.value),
+        Some(item) => point(&item, &Units::SI)?.map(|c| c.value),
         None => [0.0; 3],
     };
     let frame = table
@@ -291,21 +291,21 @@ fn constraint(
         .map(|item| item.name_text())
         .transpose()?;
     let frame_pose = match table.get("frame_pose") {
-        Some(item) => pose(&item)?,
+        Some(item) => pose(&item, &Units::SI)?,
         None => [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0],
     };
-    let plane = plane(&mut table, kind)?;
+    let plane = plane(&mut table, kind, &Units::SI)?;
     let planes = places(
         &mut table,
         "planes",
         "a number of planes, or a list of planes",
-        plane_of,
+        |item| plane_of(item, &Units::SI),
     )?;
     let points = places(
         &mut table,
         "points",
         "a number of points, or a list of points",
-        |item| Ok(point(item)?.map(|c| c.value)),
+        |item| Ok(point(item, &Units::SI)?.map(|c| c.value)),
     )?;
     let distance = if kind == Kind::Distance {
         size(

@@ -443,7 +443,10 @@ fn a_folder_is_made_filled_when_empty_and_overwritten_only_by_force() {
         .map(|entry| entry.unwrap().file_name())
         .collect();
     names.sort();
-    assert_eq!(names, ["notes.txt", "result.json", "robot.toml"]);
+    assert_eq!(
+        names,
+        ["notes.txt", "report.html", "result.json", "robot.toml"]
+    );
 }
 
 #[cfg(unix)]
@@ -823,5 +826,27 @@ fn two_robots_are_written_to_two_files() {
     assert!((estimate("left.theta2") - estimate("right.theta2")).abs() < 1e-9);
     for name in ["robot-left.toml", "robot-right.toml"] {
         assert!(RobotFile::read(cell.path("out").join(name)).is_ok());
+    }
+}
+
+/// The report is one file that loads nothing and runs nothing, has a plot for every set and for the
+/// rows held out of it, and shows names as they are written, whatever they are made of.
+#[test]
+fn the_report_is_a_page_that_needs_nothing_else() {
+    let cell = with_key("name = \"<b>tracker</b> & co\"\nholdout = { every = 4, rows = [1] }\n");
+    let run = cell.run(&["calibrate", "calibration.toml", "--output", "out"]);
+    assert_eq!(run.status, 0, "{}", run.stderr);
+    let page = cell.read("out/report.html");
+    assert_eq!(page.matches("<svg").count(), 2, "used and held out");
+    assert!(page.contains("&lt;b&gt;tracker&lt;&#x2f;b&gt; &amp; co"));
+    assert!(!page.contains("<b>tracker"));
+    let outside = ["<script", "<link", "<img", "src=", "@import", "url("];
+    for loads in outside {
+        assert!(!page.contains(loads), "the page has `{loads}`");
+    }
+    let result: Value = serde_json::from_str(&cell.read("out/result.json")).unwrap();
+    for p in result["parameters"].as_array().unwrap() {
+        let name = p["name"].as_str().unwrap();
+        assert!(page.contains(&format!(">{name}</td>")), "{name}");
     }
 }

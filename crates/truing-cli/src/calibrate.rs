@@ -2,7 +2,7 @@
 
 use crate::args::Calibrate;
 use crate::failure::{Failure, Files};
-use crate::{Ending, Streams, output, show};
+use crate::{Ending, Streams, output, report, show};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -37,7 +37,7 @@ pub fn run(arguments: &Calibrate, streams: &Streams) -> Result<Ending, Failure> 
     result.push('\n');
     if let Some(folder) = &arguments.output {
         if outcome.result.trusted || arguments.keep_untrusted {
-            let written = output::write(folder, &files(&outcome, &arguments.file, &result))?;
+            let written = output::write(folder, &files(&outcome, &arguments.file, &result)?)?;
             for path in written {
                 streams.say(&format!("wrote {}\n", path.display()));
             }
@@ -93,18 +93,24 @@ fn solve(calibration: &mut Calibration, arguments: &Calibrate) -> Result<Outcome
     Ok(outcome?)
 }
 
-fn files(outcome: &Outcome, source: &std::path::Path, result: &str) -> Files {
-    let mut files = vec![(PathBuf::from("result.json"), result.to_owned())];
+fn files(outcome: &Outcome, source: &std::path::Path, result: &str) -> Result<Files, Failure> {
+    let made_from = source.file_name().map_or_else(
+        || source.display().to_string(),
+        |n| n.to_string_lossy().into_owned(),
+    );
+    let mut files = vec![
+        (PathBuf::from("result.json"), result.to_owned()),
+        (
+            PathBuf::from("report.html"),
+            report::html(outcome, &made_from)?,
+        ),
+    ];
     for (name, robot) in &outcome.robots {
         let path = if name.is_empty() {
             "robot.toml".to_owned()
         } else {
             format!("robot-{name}.toml")
         };
-        let made_from = source.file_name().map_or_else(
-            || source.display().to_string(),
-            |n| n.to_string_lossy().into_owned(),
-        );
         let version = env!("CARGO_PKG_VERSION");
         let trust = if outcome.result.trusted {
             ""
@@ -114,5 +120,5 @@ fn files(outcome: &Outcome, source: &std::path::Path, result: &str) -> Files {
         let header = format!("Calibrated by truing {version} from {made_from}.{trust}");
         files.push((PathBuf::from(path), robot.to_toml(&header)));
     }
-    files
+    Ok(files)
 }

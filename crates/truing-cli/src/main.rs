@@ -4,6 +4,7 @@ mod args;
 mod calibrate;
 mod failure;
 mod output;
+mod report;
 mod show;
 mod simulate;
 

@@ -8,7 +8,7 @@ use truing_robot::calibration::{
 };
 
 /// A number with about five significant digits, small ones in scientific notation.
-fn number(x: f64) -> String {
+pub fn number(x: f64) -> String {
     let size = x.abs();
     if x == 0.0 {
         "0".into()
@@ -97,7 +97,7 @@ fn error_rows(table: &mut Table, set: &SetResult, held_out: bool) {
 }
 
 /// Value, factor and unit for people: millimetres and degrees.
-fn people(p: &ParameterResult) -> (f64, &'static str) {
+pub fn people(p: &ParameterResult) -> (f64, &'static str) {
     match p.unit {
         "m" => (1e3, "mm"),
         "rad" => (1.0_f64.to_degrees(), "deg"),
@@ -107,7 +107,7 @@ fn people(p: &ParameterResult) -> (f64, &'static str) {
 
 /// What takes a parameter's effect over: parameters with their coefficients, then the names of the
 /// frames, tool points, planes and points that move along.
-fn taken_over(p: &ParameterResult, robot: &BTreeSet<&str>) -> String {
+pub fn taken_over(p: &ParameterResult, robot: &BTreeSet<&str>) -> String {
     let mut parts: Vec<String> = Vec::new();
     for (name, coefficient) in p.into.iter().flatten() {
         if robot.contains(name.as_str()) {

@@ -21,8 +21,8 @@ pub(crate) use load::read_arms;
 pub use measurement::{Arm, Groups, Measured, MeasurementSet, Sigma};
 pub(crate) use names::{Names, in_unit_of};
 pub use result::{
-    CalibrationResult, ErrorSummary, FrameEstimate, ParameterResult, PlaneEstimate, PointEstimate,
-    SetResult, Status, TargetEstimate, TerminationReport,
+    CalibrationResult, ErrorSeries, ErrorSummary, FrameEstimate, ParameterResult, PlaneEstimate,
+    PointEstimate, SetResult, Status, TargetEstimate, TerminationReport,
 };
 pub use run::{Calibration, Estimate, Outcome, Stage};
 pub use select::{Choice, default_preference, in_order, select};

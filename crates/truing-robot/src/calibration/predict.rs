@@ -2,7 +2,7 @@
 
 use super::assembly::{Assembly, Owner, State};
 use super::measurement::{Measured, MeasurementSet};
-use super::result::{ErrorSummary, SetResult};
+use super::result::{ErrorSeries, ErrorSummary, SetResult};
 use super::run::{Calibration, Fitted};
 use super::select::in_order;
 use super::start::start;
@@ -58,14 +58,41 @@ impl Calibration {
 
     /// Errors of one set in a state whose planes, points and distances are this set's.
     fn errors(&self, set: &MeasurementSet, state: &State) -> Result<ErrorSummary, Error> {
+        Ok(ErrorSummary::of_residuals(
+            &self.residuals(set, state)?,
+            set.dim(),
+        ))
+    }
+
+    fn residuals(&self, set: &MeasurementSet, state: &State) -> Result<Vec<f64>, Error> {
         let assembly = Assembly::new(
             &self.arms,
             std::slice::from_ref(set),
             state,
             &self.estimate.derivatives,
         )?;
-        let residuals = assembly.residuals(0, assembly.problem.initial());
-        Ok(ErrorSummary::of_residuals(&residuals, set.dim()))
+        Ok(assembly.residuals(0, assembly.problem.initial()))
+    }
+
+    /// Errors of every measurement of set `k`, or of the rows held out of it.
+    pub(super) fn series(
+        &self,
+        k: usize,
+        set: &MeasurementSet,
+        fitted: &Fitted,
+        held_out: bool,
+    ) -> Result<ErrorSeries, Error> {
+        let lengths = |state: &State| -> Result<Vec<f64>, Error> {
+            let residuals = self.residuals(set, &self.own(k, state))?;
+            Ok(ErrorSummary::lengths(&residuals, set.dim()))
+        };
+        Ok(ErrorSeries {
+            name: set.name.clone(),
+            kind: set.measured.kind().to_owned(),
+            held_out,
+            registered: lengths(&fitted.registered)?,
+            calibrated: lengths(&fitted.estimated)?,
+        })
     }
 
     /// Errors of a set that only validates: what it alone knows of is fitted to it, robots stay.

@@ -28,6 +28,16 @@ impl ErrorSummary {
         }
     }
 
+    /// Errors of lengths from residuals, `dim` a measurement: signed distances of one row, Euclidean
+    /// lengths of three, and of six the lengths of the first three.
+    pub fn lengths(residuals: &[f64], dim: usize) -> Vec<f64> {
+        if dim == 1 {
+            return residuals.to_vec();
+        }
+        let length = |r: &[f64]| r[..3.min(dim)].iter().map(|e| e * e).sum::<f64>().sqrt();
+        residuals.chunks_exact(dim).map(length).collect()
+    }
+
     /// Summary of residuals, `dim` a measurement: Euclidean lengths of three, signed distances of
     /// one, and of six the first three with the last three as rotation.
     pub fn of_residuals(residuals: &[f64], dim: usize) -> Self {
@@ -67,6 +77,21 @@ pub struct SetResult {
     pub after: Option<ErrorSummary>,
     /// Unit of the lengths.
     pub unit: &'static str,
+}
+
+/// Errors of every measurement of a set, for plots.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ErrorSeries {
+    /// Name of the set.
+    pub name: String,
+    /// Kind of the set.
+    pub kind: String,
+    /// Whether the rows were kept out of the estimate.
+    pub held_out: bool,
+    /// With the registered nominal robot \[m\]: lengths, or signed distances from a plane.
+    pub registered: Vec<f64>,
+    /// With the calibrated robot \[m\].
+    pub calibrated: Vec<f64>,
 }
 
 /// What became of a parameter.

@@ -4,7 +4,7 @@ use super::assembly::{Assembly, Owner, State};
 use super::doubt::{DISTRUST, shortened};
 use super::measurement::{Arm, Measured, MeasurementSet};
 use super::report::Report;
-use super::result::{CalibrationResult, SetResult};
+use super::result::{CalibrationResult, ErrorSeries, SetResult};
 use super::select::{Choice, default_preference, in_order, select};
 use super::start::start;
 use crate::constraint::Derivatives;
@@ -79,6 +79,8 @@ pub struct Outcome {
     pub result: CalibrationResult,
     /// The calibrated robots, ready to be written.
     pub robots: Vec<(String, RobotFile)>,
+    /// Errors of every measurement, set after set, then of the rows held out.
+    pub errors: Vec<ErrorSeries>,
     /// The estimated state.
     pub state: State,
     /// The solution of the least-squares problem.
@@ -229,6 +231,13 @@ impl Calibration {
             .iter()
             .map(|(k, set)| self.summarise(*k, set, &fitted))
             .collect::<Result<_, _>>()?;
+        let mut errors = Vec::new();
+        for (k, set) in self.sets.iter().enumerate() {
+            errors.push(self.series(k, set, &fitted, false)?);
+        }
+        for (k, set) in &self.held_out {
+            errors.push(self.series(*k, set, &fitted, true)?);
+        }
         for set in &self.validate {
             validation.push(self.validate_set(set, &fitted)?);
         }
@@ -295,6 +304,7 @@ impl Calibration {
         Ok(Outcome {
             result,
             robots,
+            errors,
             state: fitted.estimated,
             solution,
         })

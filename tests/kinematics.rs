@@ -449,7 +449,7 @@ fn joints_keep_their_names_limits_and_values() {
 fn a_fixed_joint_may_be_parked_at_a_value() {
     let parked = read(
         "convention = 'kk'\nunits = { angle = 'deg' }\njoint = [
-            { type = 'fixed', alpha = 20, theta = 10, value = 30 },
+            { type = 'fixed', alpha = 20, theta = 10, value = '30 deg' },
             { type = 'revolute', d = 0.5 },
         ]",
     );

@@ -89,6 +89,23 @@ fn a_parameter_at_its_bound_has_no_standard_deviation() {
     assert!(find(&result, "d4").sigma.is_some());
 }
 
+/// Where everything that is estimated ended at a bound, nothing is left to be uncertain.
+#[test]
+fn a_calibration_that_ends_with_everything_at_bounds_still_reports() {
+    let (scene, mut calibration) = positions(6, 40, 1e-4);
+    let k = puma().parameter("d4").unwrap();
+    let error = scene.truth.robots[0][k] - puma().nominal()[k];
+    calibration.estimate.wanted[0].fill(false);
+    calibration.estimate.wanted[0][k] = true;
+    calibration.estimate.bounds = vec![(0, k, -1e-6, 1e-6)];
+    let result = calibration.run(&|_| {}).unwrap().result;
+    let at = find(&result, "d4");
+    assert!(
+        error.abs() > 1e-6 && at.at_bound.is_some() && at.sigma.is_none(),
+        "{at:?}"
+    );
+}
+
 /// Under Huber's loss estimates scatter as their σ say, also with a threshold so low that most rows
 /// are weighed down: normalised errors of 60 seeds (1620 of them) have mean square 1 within 15 %.
 #[test]

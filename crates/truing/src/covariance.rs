@@ -58,7 +58,11 @@ impl Covariance {
                 threshold,
             });
         }
-        let mut singular_values: Vec<f64> = r.clone().singular_values().iter().copied().collect();
+        let mut singular_values: Vec<f64> = match n {
+            // Nothing free is known exactly; an empty matrix has no decomposition.
+            0 => Vec::new(),
+            _ => r.clone().singular_values().iter().copied().collect(),
+        };
         singular_values.sort_by(|a, b| b.total_cmp(a));
         let condition = match (singular_values.first(), singular_values.last()) {
             (Some(first), Some(last)) => first / last,

@@ -66,7 +66,7 @@ impl Calibration {
                 total += nominal.abs();
                 change += (estimate - nominal) * (estimate - nominal);
             }
-            if change.sqrt() > DEFORMED * total {
+            if change.sqrt() > (DEFORMED * total).max(SLIGHT) {
                 warnings.push(format!(
                     "{DISTRUST}the lengths of {} moved by {:.0} mm in all, of {total:.3} m: the data do not determine \
                      them; add a `prior` about nominal, or measurements that do",
@@ -108,6 +108,9 @@ pub(super) const DISTRUST: &str = "not to be trusted: ";
 /// Rows that were not used may be predicted worse than by the registered nominal robot by this
 /// factor before the result is distrusted: where a robot is nearly nominal, chance decides.
 const WORSE: f64 = 1.1;
+
+/// Lengths that moved by less in all \[m\] are no deformation, whatever a robot's size.
+const SLIGHT: f64 = 0.05;
 
 /// Errors that differ by less [m] do not differ: a micrometre is beyond any robot.
 const NOTHING: f64 = 1e-6;

@@ -36,12 +36,15 @@ impl Calibration {
         })
     }
 
-    /// The largest RMS error of a set of measurements in a state \[m\].
+    /// The largest median error of a set of measurements in a state \[m\]: outliers do not count.
     pub(super) fn misfit(&self, state: &State) -> Result<f64, Error> {
         let mut largest = 0.0_f64;
         for (k, set) in self.sets.iter().enumerate() {
-            let own = self.own(k, state);
-            largest = largest.max(self.errors(set, &own)?.rms);
+            let residuals = self.residuals(set, &self.own(k, state))?;
+            let mut errors = ErrorSummary::lengths(&residuals, set.dim());
+            errors.iter_mut().for_each(|e| *e = e.abs());
+            errors.sort_by(f64::total_cmp);
+            largest = largest.max(errors.get(errors.len() / 2).copied().unwrap_or_default());
         }
         Ok(largest)
     }

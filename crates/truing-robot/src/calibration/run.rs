@@ -162,7 +162,8 @@ impl Calibration {
         // A base far from where its file puts it is where the registration found it. Otherwise the
         // file knows better: a registration that the data hardly determine may wander.
         let mut near = begin.clone();
-        if self.misfit(&begin)? > FAR && self.misfit(&registered)? < 0.5 * FAR {
+        let off = self.misfit(&begin)?;
+        if off > FAR && self.misfit(&registered)? < 0.5 * off {
             near.clone_from(&registered);
         }
 
@@ -415,12 +416,13 @@ impl Calibration {
         if full {
             for (robot, parameter, lower, upper) in &self.estimate.bounds {
                 let var = assembly.robot(*robot);
-                // The problem's bounds are about its start.
+                // The problem's bounds are about its start, which is inside but for rounding.
                 let nominal = self.arms[*robot].robot.parameters()[*parameter].nominal;
                 let shift = nominal - from.robots[*robot][*parameter];
+                let (lower, upper) = ((lower + shift).min(0.0), (upper + shift).max(0.0));
                 assembly
                     .problem
-                    .bound_component(var, *parameter, lower + shift, upper + shift);
+                    .bound_component(var, *parameter, lower, upper);
             }
             for (robot, parameter, sigma) in &self.estimate.priors {
                 let var = assembly.robot(*robot);

@@ -41,7 +41,7 @@ pub(super) fn sigma(item: &Item<'_>, kind: Kind, units: &Units) -> Result<SigmaS
         quantity
             .expect(Dimension::Length)
             .map_err(|error| item.refuse(error))?;
-        if quantity.dimension.is_none() && *units != Units::SI {
+        if quantity.dimension.is_none() && units.length != Units::SI.length {
             let value = item.in_units(Dimension::Length, units)?;
             let dimension = Some(Dimension::Length);
             return Ok(SigmaSpec::Single(Quantity { value, dimension }));
@@ -241,7 +241,8 @@ pub(super) fn plane_of(item: &Item<'_>, units: &Units) -> Result<PlaneSpec, Inpu
     let (plane, normal) = if by_paper {
         let mut normal = [0.0; 3];
         for (number, key) in normal.iter_mut().zip(paper) {
-            *number = table.require(key, "expected a number")?.number()?.value;
+            // One over a length.
+            *number = table.require(key, "expected a number")?.number()?.value / units.length;
         }
         let [a, b, c] = normal;
         (PlaneSpec::Paper { a, b, c }, normal)

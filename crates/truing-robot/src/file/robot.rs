@@ -257,9 +257,21 @@ fn joint(
                 return Err(error.with_help("remove it, or change the `type` of the joint"));
             }
         }
-        // A joint that is parked for good: the angle it is parked at is part of its frame.
+        // A joint that is parked for good: where it is parked is part of its frame.
         if let Some(item) = table.get("value") {
-            frame.theta += item.in_units(Dimension::Angle, units)?;
+            let quantity = item.quantity()?.value;
+            match (quantity.dimension, convention) {
+                (Some(Dimension::Angle), _) => frame.theta += quantity.value,
+                (Some(_), Convention::KhalilKleinfinger) => frame.r += quantity.value,
+                (Some(_), Convention::DenavitHartenberg) => frame.d += quantity.value,
+                (None, _) if quantity.value == 0.0 => {}
+                (None, _) => {
+                    let error = item.error("a fixed joint may turn or slide; expected a unit");
+                    return Err(
+                        error.with_help("write where it is parked like \"20 deg\" or \"0.3 m\"")
+                    );
+                }
+            }
         }
     }
     let gain = match table.get("gain") {

@@ -88,17 +88,33 @@ pub fn box_qp(triangle: &Mat<f64>, lower: &[f64], upper: &[f64]) -> Vec<f64> {
     polish(triangle, &active, lower, upper).unwrap_or(rough)
 }
 
-/// The best step against the gradient, clipped to the box: what is left where the QP has no solution.
+/// The best step against the gradient that stays in the box: what is left where the QP has no
+/// solution. Components that point out of the box do not move, the others keep their direction.
 fn downhill(triangle: &Mat<f64>, gradient: &[f64], lower: &[f64], upper: &[f64]) -> Vec<f64> {
     let n = gradient.len();
+    let stays =
+        |k: usize| (gradient[k] > 0.0 && lower[k] < 0.0) || (gradient[k] < 0.0 && upper[k] > 0.0);
+    let gradient: Vec<f64> = (0..n)
+        .map(|k| if stays(k) { gradient[k] } else { 0.0 })
+        .collect();
     let image = |i: usize| (i..n).map(|k| triangle[(i, k)] * gradient[k]).sum::<f64>();
     let curvature: f64 = (0..n).map(|i| image(i).powi(2)).sum();
     let slope: f64 = gradient.iter().map(|g| g * g).sum();
-    let length = if curvature > 0.0 {
+    let mut length = if curvature > 0.0 {
         slope / curvature
     } else {
         0.0
     };
+    for k in 0..n {
+        let room = if gradient[k] > 0.0 {
+            lower[k]
+        } else {
+            upper[k]
+        };
+        if gradient[k] != 0.0 && room.is_finite() {
+            length = length.min((room / gradient[k]).abs());
+        }
+    }
     (0..n)
         .map(|k| (-length * gradient[k]).clamp(lower[k], upper[k]))
         .collect()
@@ -180,5 +196,20 @@ mod tests {
         let y = box_qp(&t, &[-9.0, f64::NEG_INFINITY], &[9.0, f64::INFINITY]);
         assert_relative_eq!(y[0], -1.0, epsilon = 1e-12);
         assert_relative_eq!(y[1], 1.0, epsilon = 1e-12);
+    }
+
+    /// The model never promises less than nothing, also where clipping component by component would.
+    #[test]
+    fn the_step_against_the_gradient_goes_down_and_stays_inside() {
+        // RᵀR = [[1, −0.99], [−0.99, 1]].
+        let mut t = Mat::<f64>::zeros(3, 3);
+        t[(0, 0)] = 1.0;
+        t[(0, 1)] = -0.99;
+        t[(1, 1)] = (1.0f64 - 0.99 * 0.99).sqrt();
+        let (lower, upper) = ([0.0, -5.0], [5.0, 5.0]);
+        let y = downhill(&t, &[1.0, 1.0], &lower, &upper);
+        let change = y[0] + y[1] + 0.5 * (y[0] * y[0] - 1.98 * y[0] * y[1] + y[1] * y[1]);
+        assert!(change < 0.0, "{y:?} changes the model by {change}");
+        assert!(y[0] == 0.0 && (-5.0..=0.0).contains(&y[1]));
     }
 }

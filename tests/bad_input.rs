@@ -688,6 +688,15 @@ fn quaternions_near_unit_length_are_normalised_and_far_from_it_refused() {
             .any(|w| w.as_str().unwrap().contains("normalised"))
     };
     assert!(!normalised(&unit));
+    // All there is to say of the unit ones is that their sigma leaves rotations out.
+    let warnings = unit["warnings"].as_array().unwrap();
+    assert_eq!(warnings.len(), 1, "{warnings:?}");
+    assert!(
+        warnings[0]
+            .as_str()
+            .unwrap()
+            .contains("says nothing of rotations")
+    );
     let near = scaled(1.001).calibrate();
     assert!(normalised(&near));
     let (a, b) = (

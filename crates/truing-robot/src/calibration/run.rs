@@ -15,7 +15,8 @@ use truing::{Settings, Solution, Termination, Values, solve};
 /// What to estimate, and how.
 #[derive(Clone, Default)]
 pub struct Estimate {
-    /// Which parameters of which robot, as `wanted[robot][parameter]`; everything where empty.
+    /// Which parameters of which robot, as `wanted[robot][parameter]`: everything of a robot that has
+    /// no list, nothing beyond the end of one.
     pub wanted: Vec<Vec<bool>>,
     /// Bounds on the difference from nominal, as (robot, parameter, lower, upper) [m, rad or 1].
     pub bounds: Vec<(usize, usize, f64, f64)>,
@@ -111,7 +112,7 @@ impl Calibration {
         self.estimate
             .wanted
             .get(robot)
-            .is_none_or(|wanted| wanted[parameter])
+            .is_none_or(|wanted| wanted.get(parameter) == Some(&true))
     }
 
     fn preference(&self) -> Vec<(usize, usize)> {
@@ -373,7 +374,7 @@ impl Calibration {
         for (robot, parameter, lower, upper) in &self.estimate.bounds {
             let nominal = self.arms[*robot].robot.parameters()[*parameter].nominal;
             let value = &mut robots[*robot][*parameter];
-            *value = value.clamp(nominal + lower, nominal + upper);
+            *value = value.max(nominal + lower).min(nominal + upper);
         }
         if robots == near.robots {
             return near.clone();

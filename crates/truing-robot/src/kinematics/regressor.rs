@@ -90,7 +90,7 @@ pub trait DifferentiateChain: Send + Sync {
 /// Frame-wise automatic differentiation, the default.
 ///
 /// Each frame is a small function of four to six parameters; `num-dual` differentiates *that*, and
-/// the chain rule carries the twists to the reference frame. It costs two to three times the plain
+/// the chain rule carries the twists to the reference frame. It costs about three times the plain
 /// forward kinematics, where differentiating the whole chain costs tens of times.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct FrameWise;

@@ -17,8 +17,7 @@ use serde::{Deserialize, Serialize};
 /// every regular minimum. A trial whose cost or Jacobian is not finite is a rejected step.
 ///
 /// Where a trial gained less than promised, the next one bends with the valley: a second-order
-/// correction for one more residual (geodesic acceleration; not under bounds or robust losses). On ill-conditioned calibrations it
-/// takes several times fewer iterations.
+/// correction for one more residual (geodesic acceleration; not under bounds or robust losses).
 ///
 /// # Requirements
 /// The problem implements [`LeastSquares`]; argmin's executor drives it

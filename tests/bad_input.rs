@@ -482,10 +482,6 @@ fn a_number_of_iterations_below_one_is_refused() {
 
 #[test]
 fn what_this_version_does_not_have_is_said_with_what_it_has() {
-    refused(&with_estimate("jacobian = \"analytic\""))
-        .at("calibration.toml", 5)
-        .says(&["analytic"])
-        .advises("\"auto\"");
     refused(&with_estimate("solver = \"dogleg\""))
         .at("calibration.toml", 5)
         .says(&["dogleg"])

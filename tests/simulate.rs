@@ -204,6 +204,10 @@ fn off(simulated: &Simulated, k: usize) -> Vec<f64> {
             Measured::SamePoint(groups) => {
                 errors.extend((truth.points[k][groups.of_row[row]] - p).iter());
             }
+            Measured::SameLocation(groups) => {
+                let location = truth.locations[k][groups.of_row[row]];
+                errors.extend((location.translation - p).iter());
+            }
             Measured::Distance { q_b, distance, .. } => {
                 errors.push((p - tip(&q_b[row])).norm() - distance.unwrap());
             }

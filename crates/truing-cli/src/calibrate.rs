@@ -9,7 +9,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use truing::solver::Progress;
-use truing_robot::calibration::{Calibration, Outcome, load};
+use truing_planar::Planar;
+use truing_robot::calibration::{Calibration, Outcome, load_with};
 use truing_robot::file::CalibrationFile;
 
 /// Runs a calibration file.
@@ -18,7 +19,7 @@ pub fn run(arguments: &Calibrate, streams: &Streams) -> Result<Ending, Failure> 
         output::check(folder, arguments.force)?;
     }
     let file = CalibrationFile::read(&arguments.file)?;
-    let mut calibration = load(&file)?;
+    let mut calibration = load_with(&file, &[&Planar])?;
     tracing::info!(
         "robots: {}, sets of measurements: {}, measurements: {}",
         calibration.arms.len(),

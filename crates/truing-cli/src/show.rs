@@ -246,6 +246,18 @@ pub fn result(result: &CalibrationResult) -> String {
             point.count
         );
     }
+    for location in &result.locations {
+        let [x, y, z] = location.position;
+        let [w, a, b, c] = location.quaternion;
+        let _ = writeln!(
+            out,
+            "  location {}[{}]: position ({x:.6}, {y:.6}, {z:.6}) m, quaternion (w, x, y, z) ({w:.6}, {a:.6}, {b:.6}, {c:.6}), rms {} mm over {} visits",
+            location.constraint,
+            location.group,
+            number(location.rms * 1e3),
+            location.count
+        );
+    }
     for (name, distance) in &result.distances {
         let _ = writeln!(out, "  distance {name}: {} mm", number(distance * 1e3));
     }

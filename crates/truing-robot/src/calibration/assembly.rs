@@ -1,16 +1,18 @@
 //! From sets of measurements to a [`Problem`], and back from its values to planes, points and frames.
 
+use super::form::{Form, Parts};
 use super::measurement::{Arm, Measured, MeasurementSet};
 use crate::constraint::{
     Chain, Derivatives, Distance, KnownPlane, MeasuredPose, Position, PostureDistance, SamePoint,
     UnknownPlane,
 };
+use crate::error::Error;
 use crate::kinematics::Unit;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use truing::manifold::{Plane, Plane3, Point3, Pose, Pose3, Vector};
 use truing::nalgebra::Vector3;
-use truing::{Batch, Error, Noise, Problem, Values, Var};
+use truing::{Batch, Noise, Problem, Values, Var};
 
 /// Values of everything a calibration knows.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -25,6 +27,8 @@ pub struct State {
     pub planes: Vec<Vec<Plane<f64>>>,
     /// Points of every set, by group \[m\].
     pub points: Vec<Vec<Vector3<f64>>>,
+    /// Locations of every set, by group.
+    pub locations: Vec<Vec<Pose<f64>>>,
     /// Distances of every set \[m\]; zero for kinds that have none.
     pub distances: Vec<f64>,
 }
@@ -83,9 +87,12 @@ pub enum Owner {
     Plane(usize, usize),
     /// Component of a point: set, group.
     Point(usize, usize),
+    /// Component of a location: set, group.
+    Location(usize, usize),
     /// Distance of a set.
     Distance(usize),
-    /// Never estimated: the reference frame, the tool origin, a known distance.
+    /// Never estimated: the reference frame, the tool origin, a known distance, a group whose
+    /// unknowns a form has eliminated.
     Constant,
 }
 
@@ -109,9 +116,29 @@ pub struct Assembly {
     lengths: Vec<Vec<bool>>,
     frames: BTreeMap<String, Var<Pose3>>,
     targets: BTreeMap<(usize, String), Var<Point3>>,
-    planes: Vec<Vec<Var<Plane3>>>,
+    planes: Vec<Vec<PlaneVar>>,
     points: Vec<Vec<Var<Point3>>>,
+    locations: Vec<Vec<Var<Pose3>>>,
     distances: Vec<Option<Var<Vector>>>,
+}
+
+/// The variable of a plane.
+#[derive(Clone)]
+pub enum PlaneVar {
+    /// Unit normal and distance.
+    Plane(Var<Plane3>),
+    /// The coordinates of a form.
+    Coordinates(Var<Vector>, Arc<dyn Form>),
+}
+
+impl PlaneVar {
+    /// Its first column.
+    pub fn column(&self) -> usize {
+        match self {
+            Self::Plane(var) => var.column(),
+            Self::Coordinates(var, _) => var.column(),
+        }
+    }
 }
 
 impl Assembly {
@@ -148,6 +175,7 @@ impl Assembly {
             targets: BTreeMap::new(),
             planes: Vec::new(),
             points: Vec::new(),
+            locations: Vec::new(),
             distances: Vec::new(),
         };
         for (robot, arm) in arms.iter().enumerate() {
@@ -202,7 +230,7 @@ impl Assembly {
             }
         }
         for (k, set) in sets.iter().enumerate() {
-            a.add_groups(k, set, state);
+            a.add_groups(k, set, state)?;
         }
         for (k, set) in sets.iter().enumerate() {
             let target = match &set.target {
@@ -238,17 +266,35 @@ impl Assembly {
         var
     }
 
-    fn add_groups(&mut self, k: usize, set: &MeasurementSet, state: &State) {
-        let (mut planes, mut points, mut distance) = (Vec::new(), Vec::new(), None);
+    fn add_groups(&mut self, k: usize, set: &MeasurementSet, state: &State) -> Result<(), Error> {
+        let (mut planes, mut points) = (Vec::new(), Vec::new());
+        let (mut locations, mut distance) = (Vec::new(), None);
+        if set.eliminates() {
+            self.planes.push(planes);
+            self.points.push(points);
+            self.locations.push(locations);
+            self.distances.push(distance);
+            return Ok(());
+        }
         match &set.measured {
             Measured::UnknownPlane(groups) => {
                 for (g, name) in groups.names.iter().enumerate() {
                     let full = format!("{}[{name}]", set.name);
-                    planes.push(
-                        self.problem
-                            .add_variable::<Plane3>(&full, &state.planes[k][g]),
-                    );
-                    self.name_columns(&Owner::Plane(k, g), &full, &["tilt1", "tilt2", "distance"]);
+                    let plane = &state.planes[k][g];
+                    let form = set.form.as_ref().filter(|form| form.chart().is_some());
+                    let (var, components) = match form.and_then(|f| Some((f, f.chart()?))) {
+                        Some((form, chart)) => {
+                            let coordinates = chart.coordinates(plane)?.to_vec();
+                            let var = self.problem.add_variable::<Vector>(&full, &coordinates);
+                            (PlaneVar::Coordinates(var, form.clone()), ["a", "b", "c"])
+                        }
+                        None => {
+                            let var = self.problem.add_variable::<Plane3>(&full, plane);
+                            (PlaneVar::Plane(var), ["tilt1", "tilt2", "distance"])
+                        }
+                    };
+                    planes.push(var);
+                    self.name_columns(&Owner::Plane(k, g), &full, &components);
                 }
             }
             Measured::SamePoint(groups) => {
@@ -259,6 +305,15 @@ impl Assembly {
                             .add_variable::<Point3>(&full, &state.points[k][g]),
                     );
                     self.name_columns(&Owner::Point(k, g), &full, &["x", "y", "z"]);
+                }
+            }
+            Measured::SameLocation(groups) => {
+                for (g, name) in groups.names.iter().enumerate() {
+                    let full = format!("{}[{name}]", set.name);
+                    let location = &state.locations[k][g];
+                    locations.push(self.problem.add_variable::<Pose3>(&full, location));
+                    let components = ["x", "y", "z", "rx", "ry", "rz"];
+                    self.name_columns(&Owner::Location(k, g), &full, &components);
                 }
             }
             Measured::Distance {
@@ -283,7 +338,9 @@ impl Assembly {
         }
         self.planes.push(planes);
         self.points.push(points);
+        self.locations.push(locations);
         self.distances.push(distance);
+        Ok(())
     }
 
     fn add_block(
@@ -297,7 +354,25 @@ impl Assembly {
     ) -> Result<(), Error> {
         let robot = self.robots[set.robot];
         let chain = &chains[set.robot];
+        if let Some(form) = &set.form {
+            let parts = Parts {
+                chain,
+                robot,
+                target,
+                sensor,
+                planes: &self.planes[k],
+                points: &self.points[k],
+                locations: &self.locations[k],
+            };
+            return form.add(set, &parts, &mut self.problem);
+        }
         let length = |row: usize| Noise::isotropic(set.sigma[row].position);
+        let rigid = |row: usize| {
+            let s = set.sigma[row];
+            Noise::diagonal(&[
+                s.position, s.position, s.position, s.rotation, s.rotation, s.rotation,
+            ])
+        };
         macro_rules! batch {
             (|$row:ident, $q:ident| $vars:expr, $constraint:expr, $noise:expr) => {{
                 let mut batch = Batch::new(set.name.clone()).loss(set.loss);
@@ -325,12 +400,7 @@ impl Assembly {
                     q,
                     measured: poses[row]
                 },
-                {
-                    let s = set.sigma[row];
-                    Noise::diagonal(&[
-                        s.position, s.position, s.position, s.rotation, s.rotation, s.rotation,
-                    ])
-                }
+                rigid(row)
             ),
             Measured::KnownPlane(plane) => batch!(
                 |row, q| (robot, target),
@@ -341,13 +411,30 @@ impl Assembly {
                 },
                 length(row)
             ),
-            Measured::UnknownPlane(groups) => batch!(
-                |row, q| (robot, target, self.planes[k][groups.of_row[row]]),
-                UnknownPlane {
+            Measured::UnknownPlane(groups) => {
+                let mut batch = Batch::new(set.name.clone()).loss(set.loss);
+                for (row, q) in set.q.iter().enumerate() {
+                    // Without a form `add_groups` made planes.
+                    let PlaneVar::Plane(plane) = self.planes[k][groups.of_row[row]] else {
+                        continue;
+                    };
+                    let constraint = UnknownPlane {
+                        chain: chain.clone(),
+                        q: q.clone(),
+                    };
+                    batch.push_with_noise((robot, target, plane), constraint, length(row)?);
+                }
+                self.problem.add_block(batch);
+            }
+            // The tool, seen from the location, stands at the identity.
+            Measured::SameLocation(groups) => batch!(
+                |row, q| (robot, self.locations[k][groups.of_row[row]], target),
+                MeasuredPose {
                     chain: chain.clone(),
-                    q
+                    q,
+                    measured: Pose::identity()
                 },
-                length(row)
+                rigid(row)
             ),
             Measured::SamePoint(groups) => batch!(
                 |row, q| (robot, target, self.points[k][groups.of_row[row]]),
@@ -411,13 +498,18 @@ impl Assembly {
     }
 
     /// A plane's variable.
-    pub fn plane(&self, set: usize, group: usize) -> Var<Plane3> {
-        self.planes[set][group]
+    pub fn plane(&self, set: usize, group: usize) -> &PlaneVar {
+        &self.planes[set][group]
     }
 
     /// A point's variable.
     pub fn point(&self, set: usize, group: usize) -> Var<Point3> {
         self.points[set][group]
+    }
+
+    /// A location's variable.
+    pub fn location(&self, set: usize, group: usize) -> Var<Pose3> {
+        self.locations[set][group]
     }
 
     /// A distance's variable.
@@ -461,14 +553,24 @@ impl Assembly {
             put(var.column(), state.targets[key].as_slice());
         }
         for (vars, planes) in self.planes.iter().zip(&state.planes) {
-            vars.iter()
-                .zip(planes)
-                .for_each(|(var, plane)| put(var.column() + 2, &[plane.distance]));
+            vars.iter().zip(planes).for_each(|(var, plane)| match var {
+                PlaneVar::Plane(var) => put(var.column() + 2, &[plane.distance]),
+                PlaneVar::Coordinates(var, form) => {
+                    if let Some(chart) = form.chart() {
+                        put(var.column(), &chart.scaled(plane));
+                    }
+                }
+            });
         }
         for (vars, points) in self.points.iter().zip(&state.points) {
             vars.iter()
                 .zip(points)
                 .for_each(|(var, point)| put(var.column(), point.as_slice()));
+        }
+        for (vars, locations) in self.locations.iter().zip(&state.locations) {
+            vars.iter()
+                .zip(locations)
+                .for_each(|(var, location)| put(var.column(), location.translation.as_slice()));
         }
         for (var, distance) in self.distances.iter().zip(&state.distances) {
             if let Some(var) = var {
@@ -478,7 +580,7 @@ impl Assembly {
         direction
     }
 
-    /// The state that values stand for.
+    /// The state that values stand for; groups that forms have eliminated are empty in it.
     pub fn state(&self, values: &Values) -> State {
         State {
             robots: self.robots.iter().map(|var| values.get(*var)).collect(),
@@ -495,10 +597,15 @@ impl Assembly {
             planes: self
                 .planes
                 .iter()
-                .map(|g| g.iter().map(|var| values.get(*var)).collect())
+                .map(|g| g.iter().map(|var| plane_of(var, values)).collect())
                 .collect(),
             points: self
                 .points
+                .iter()
+                .map(|g| g.iter().map(|var| values.get(*var)).collect())
+                .collect(),
+            locations: self
+                .locations
                 .iter()
                 .map(|g| g.iter().map(|var| values.get(*var)).collect())
                 .collect(),
@@ -513,5 +620,16 @@ impl Assembly {
     /// Residuals of a set in its own units, one chunk of `dim` a measurement.
     pub fn residuals(&self, set: usize, values: &Values) -> Vec<f64> {
         self.problem.raw_residual(set, values)
+    }
+}
+
+/// The plane that a variable stands for.
+fn plane_of(var: &PlaneVar, values: &Values) -> Plane<f64> {
+    match var {
+        PlaneVar::Plane(var) => values.get(*var),
+        PlaneVar::Coordinates(var, form) => match form.chart() {
+            Some(chart) => chart.plane(&values.get(*var)),
+            None => unreachable!("coordinates are those of a form's chart"),
+        },
     }
 }

@@ -122,7 +122,7 @@ impl Data<'_> {
     /// Every name in `columns` must be one that is read.
     pub fn check_columns(&self, arms: &[Arm]) -> Result<(), InputError> {
         let measured = [
-            "x", "y", "z", "qw", "qx", "qy", "qz", "sigma", "plane", "point",
+            "x", "y", "z", "qw", "qx", "qy", "qz", "sigma", "plane", "point", "location",
         ];
         let mut known: Vec<String> = measured.map(str::to_owned).to_vec();
         known.extend(self.spec.group.iter().cloned());
@@ -258,7 +258,7 @@ impl Data<'_> {
             None => {}
             Some(SigmaSpec::Single(quantity)) => {
                 sigma.position = quantity.value;
-                if self.spec.kind == Kind::Pose && quantity.dimension.is_none() {
+                if self.spec.kind.has_rotation() && quantity.dimension.is_none() {
                     sigma.rotation = quantity.value;
                 }
             }
@@ -317,13 +317,29 @@ pub(super) fn ordinary(sigma: f64) -> bool {
     (1e-12..=1e12).contains(&sigma)
 }
 
-pub(super) fn known_plane(spec: &ConstraintSpec) -> Plane<f64> {
-    // The file layer requires a plane for this kind.
-    let (normal, distance) = spec
-        .plane
-        .map_or(([0.0, 0.0, 1.0], 0.0), PlaneSpec::normalised);
-    Plane {
-        normal: normal.into(),
-        distance,
+/// The plane of a `known-plane`: the one given, or the one that its method always has.
+pub(super) fn known_plane(
+    file: &CalibrationFile,
+    spec: &ConstraintSpec,
+    fixed: Option<Plane<f64>>,
+) -> Result<Plane<f64>, InputError> {
+    match (spec.plane, fixed) {
+        (Some(_), Some(_)) => Err(file
+            .error_at(spec.span_of("plane"), "this method has a plane of its own")
+            .with_help("remove the key, or the `method`")),
+        (Some(plane), None) => {
+            let (normal, distance) = PlaneSpec::normalised(plane);
+            Ok(Plane {
+                normal: normal.into(),
+                distance,
+            })
+        }
+        (None, Some(plane)) => Ok(plane),
+        (None, None) => Err(file
+            .error_at(
+                spec.spans.table(),
+                "this known-plane constraint has no `plane`",
+            )
+            .with_help("add plane = { normal = [0, 0, 1], distance = 0.4 }")),
     }
 }

@@ -1,6 +1,7 @@
 //! From a calibration file, its robot files and its data to a [`Calibration`].
 
 use super::data::{Data, known_plane};
+use super::form::{Form, Plugin};
 use super::measurement::{Arm, Measured, MeasurementSet};
 use super::names::{Names, in_unit_of, listed, plain};
 use super::run::{Calibration, Estimate};
@@ -14,6 +15,7 @@ use crate::kinematics::{Robot, Unit};
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use truing::manifold::Pose;
 use truing::nalgebra::Vector3;
 use truing::{Loss, Method, Settings, Tolerances};
@@ -23,10 +25,19 @@ use truing::{Loss, Method, Settings, Tolerances};
 /// # Errors
 /// Whatever is wrong with a file, with the place, what was found, what was expected and what to do.
 pub fn load(file: &CalibrationFile) -> Result<Calibration, Error> {
+    load_with(file, &[])
+}
+
+/// Reads the robots and data that a calibration file names, which may also ask for what plugins have.
+///
+/// # Errors
+/// As [`load`].
+pub fn load_with(file: &CalibrationFile, plugins: &[&dyn Plugin]) -> Result<Calibration, Error> {
     let arms = read_arms(&file.robots, &file.source)?;
-    let estimate = estimate(file, &arms)?;
+    let estimate = estimate(file, &arms, plugins)?;
     let mut loader = Loader {
         file,
+        plugins,
         arms: &arms,
         tables: BTreeMap::new(),
         notes: Vec::new(),
@@ -138,7 +149,11 @@ fn check_guesses(file: &CalibrationFile, sets: &[MeasurementSet]) -> Result<(), 
     Ok(())
 }
 
-fn estimate(file: &CalibrationFile, arms: &[Arm]) -> Result<Estimate, InputError> {
+fn estimate(
+    file: &CalibrationFile,
+    arms: &[Arm],
+    plugins: &[&dyn Plugin],
+) -> Result<Estimate, InputError> {
     let spec = &file.estimate;
     let names = Names {
         source: &file.source,
@@ -220,11 +235,14 @@ fn estimate(file: &CalibrationFile, arms: &[Arm]) -> Result<Estimate, InputError
         JacobianKind::Auto => Derivatives::default(),
         JacobianKind::WholeChain => Derivatives::WholeChain,
         JacobianKind::Numeric => Derivatives::Numeric,
-        JacobianKind::Analytic => {
-            return Err(file
-                .error_at(spec.spans.of("jacobian"), "the analytic Jacobian is not part of this version")
-                .with_help("use \"auto\" (frame-wise automatic differentiation), \"whole-chain\" or \"numeric\""));
-        }
+        JacobianKind::Analytic => match plugins.iter().find_map(|plugin| plugin.analytic()) {
+            Some(columns) => Derivatives::Regressor(columns),
+            None => {
+                return Err(file
+                        .error_at(spec.spans.of("jacobian"), "no plugin has an analytic Jacobian")
+                        .with_help("use \"auto\" (frame-wise automatic differentiation), \"whole-chain\" or \"numeric\""));
+            }
+        },
     };
     let method = match spec.solver {
         SolverKind::LevenbergMarquardt => Method::LevenbergMarquardt,
@@ -261,6 +279,7 @@ fn estimate(file: &CalibrationFile, arms: &[Arm]) -> Result<Estimate, InputError
 
 struct Loader<'a> {
     file: &'a CalibrationFile,
+    plugins: &'a [&'a dyn Plugin],
     arms: &'a [Arm],
     tables: BTreeMap<PathBuf, Table>,
     notes: Vec<String>,
@@ -326,9 +345,17 @@ impl Loader<'_> {
                 }
                 Measured::Pose(poses)
             }
-            Kind::KnownPlane => Measured::KnownPlane(known_plane(spec)),
+            Kind::KnownPlane => {
+                let fixed = spec.method.as_ref().and_then(|method| {
+                    self.plugins
+                        .iter()
+                        .find_map(|plugin| plugin.fixed_plane(&method.value))
+                });
+                Measured::KnownPlane(known_plane(self.file, spec, fixed)?)
+            }
             Kind::UnknownPlane => Measured::UnknownPlane(data.groups("plane")?),
             Kind::SamePoint => Measured::SamePoint(data.groups("point")?),
+            Kind::SameLocation => Measured::SameLocation(data.groups("location")?),
             Kind::Distance => {
                 let distance = match spec.distance {
                     Some(DistanceSpec::Value(distance)) => Some(distance),
@@ -399,7 +426,7 @@ impl Loader<'_> {
             LossSpec::Trivial => Loss::Trivial,
             LossSpec::Huber(k) => Loss::Huber(k),
         };
-        Ok(MeasurementSet {
+        let mut set = MeasurementSet {
             name: spec.name.clone(),
             robot,
             q,
@@ -419,6 +446,38 @@ impl Loader<'_> {
                 spec.data.clone(),
                 data.rows.iter().map(|row| table.line(*row)).collect(),
             )),
-        })
+            form: None,
+        };
+        if let Some(method) = &spec.method {
+            set.form = Some(self.form(method, spec.kind, &set)?);
+        }
+        Ok(set)
+    }
+
+    /// The form that a method is for a kind.
+    fn form(
+        &self,
+        method: &Spanned<String>,
+        kind: Kind,
+        set: &MeasurementSet,
+    ) -> Result<Arc<dyn Form>, InputError> {
+        let found = self
+            .plugins
+            .iter()
+            .find_map(|plugin| plugin.form(&method.value, kind));
+        let wrong = |message: String| self.file.error_at(method.span.clone(), message);
+        let Some(form) = found else {
+            let all = self.plugins.iter().flat_map(|plugin| plugin.methods());
+            let names: Vec<&str> = all.filter(|(_, k)| *k == kind).map(|(m, _)| m).collect();
+            let message = format!("there is no method `{}` for {}", method.value, kind.name());
+            return Err(wrong(message).with_help(match names.as_slice() {
+                [] => "leave `method` out".to_owned(),
+                names => format!("the methods for it are {}", names.join(", ")),
+            }));
+        };
+        form.check(set).map_err(|message| {
+            wrong(message).with_help("change the measurements, or leave `method` out")
+        })?;
+        Ok(form)
     }
 }

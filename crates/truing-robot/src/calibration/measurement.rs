@@ -1,7 +1,9 @@
 //! Sets of measurements, as plain data.
 
+use super::form::Form;
 use crate::kinematics::Robot;
 use std::path::PathBuf;
+use std::sync::Arc;
 use truing::Loss;
 use truing::manifold::{Plane, Pose};
 use truing::nalgebra::Vector3;
@@ -99,6 +101,8 @@ pub enum Measured {
     UnknownPlane(Groups),
     /// Visits of points that are estimated.
     SamePoint(Groups),
+    /// Visits of locations (positions with orientations) that are estimated.
+    SameLocation(Groups),
     /// Distances between tool points.
     Distance {
         /// The other robot; none where one robot takes two postures.
@@ -111,6 +115,26 @@ pub enum Measured {
 }
 
 impl Measured {
+    /// The groups of rows, for kinds that have any: planes, points or locations.
+    pub fn groups(&self) -> Option<&Groups> {
+        match self {
+            Self::UnknownPlane(groups) | Self::SamePoint(groups) | Self::SameLocation(groups) => {
+                Some(groups)
+            }
+            _ => None,
+        }
+    }
+
+    /// The groups of rows, to be changed.
+    pub fn groups_mut(&mut self) -> Option<&mut Groups> {
+        match self {
+            Self::UnknownPlane(groups) | Self::SamePoint(groups) | Self::SameLocation(groups) => {
+                Some(groups)
+            }
+            _ => None,
+        }
+    }
+
     /// The name of the kind in files.
     pub fn kind(&self) -> &'static str {
         match self {
@@ -119,13 +143,14 @@ impl Measured {
             Self::KnownPlane(_) => "known-plane",
             Self::UnknownPlane(_) => "unknown-plane",
             Self::SamePoint(_) => "same-point",
+            Self::SameLocation(_) => "same-location",
             Self::Distance { .. } => "distance",
         }
     }
 }
 
 /// Measurements of one kind, by one sensor, on one robot.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct MeasurementSet {
     /// Name, for reports.
     pub name: String,
@@ -139,6 +164,8 @@ pub struct MeasurementSet {
     pub sigma: Vec<Sigma>,
     /// The loss.
     pub loss: Loss,
+    /// Other equations than this crate's for the same measurements.
+    pub form: Option<Arc<dyn Form>>,
     /// The tool point, where it is not the tool origin; estimated.
     pub target: Option<String>,
     /// The tool point of the other robot of a distance; estimated.
@@ -169,6 +196,7 @@ impl MeasurementSet {
             measured,
             sigma,
             loss: Loss::Trivial,
+            form: None,
             target: None,
             other_target: None,
             target_guess: None,
@@ -190,6 +218,22 @@ impl MeasurementSet {
     pub fn frame(mut self, name: &str) -> Self {
         self.frame = Some(name.to_owned());
         self
+    }
+
+    /// The same set with other equations.
+    #[must_use]
+    pub fn form(mut self, form: Arc<dyn Form>) -> Self {
+        self.form = Some(form);
+        self
+    }
+
+    /// The same measurements with this crate's own equations, in which errors are reported.
+    #[must_use]
+    pub fn plain(&self) -> Self {
+        Self {
+            form: None,
+            ..self.clone()
+        }
     }
 
     /// The same set with another standard deviation of its lengths \[m\].
@@ -225,7 +269,7 @@ impl MeasurementSet {
     pub fn dim(&self) -> usize {
         match self.measured {
             Measured::Position(_) | Measured::SamePoint(_) => 3,
-            Measured::Pose(_) => 6,
+            Measured::Pose(_) | Measured::SameLocation(_) => 6,
             _ => 1,
         }
     }
@@ -246,6 +290,7 @@ impl MeasurementSet {
             Measured::KnownPlane(plane) => Measured::KnownPlane(*plane),
             Measured::UnknownPlane(g) => Measured::UnknownPlane(groups(g)),
             Measured::SamePoint(g) => Measured::SamePoint(groups(g)),
+            Measured::SameLocation(g) => Measured::SameLocation(groups(g)),
             Measured::Distance {
                 other,
                 q_b,

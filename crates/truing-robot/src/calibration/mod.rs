@@ -3,6 +3,7 @@
 mod assembly;
 mod data;
 mod doubt;
+mod form;
 mod load;
 mod measurement;
 mod names;
@@ -15,14 +16,15 @@ mod small_groups;
 mod start;
 mod uncertainty;
 
-pub use assembly::{Assembly, Column, Owner, State};
-pub use load::load;
+pub use assembly::{Assembly, Column, Owner, PlaneVar, State};
+pub use form::{Form, Parts, PlaneChart, Plugin};
 pub(crate) use load::read_arms;
+pub use load::{load, load_with};
 pub use measurement::{Arm, Groups, Measured, MeasurementSet, Sigma};
 pub(crate) use names::{Names, in_unit_of};
 pub use result::{
-    CalibrationResult, ErrorSeries, ErrorSummary, FrameEstimate, ParameterResult, PlaneEstimate,
-    PointEstimate, SetResult, Status, TargetEstimate, TerminationReport,
+    CalibrationResult, ErrorSeries, ErrorSummary, FrameEstimate, LocationEstimate, ParameterResult,
+    PlaneEstimate, PointEstimate, SetResult, Status, TargetEstimate, TerminationReport,
 };
 pub use run::{Calibration, Estimate, Outcome, Stage};
 pub use select::{Choice, default_preference, in_order, select};

@@ -50,10 +50,11 @@ impl Calibration {
     }
 
     /// A state with the planes, points and distances of set `k` alone.
-    fn own(&self, k: usize, state: &State) -> State {
+    pub(super) fn own(&self, k: usize, state: &State) -> State {
         State {
             planes: vec![state.planes[k].clone()],
             points: vec![state.points[k].clone()],
+            locations: vec![state.locations[k].clone()],
             distances: vec![state.distances[k]],
             ..state.clone()
         }
@@ -67,10 +68,10 @@ impl Calibration {
         ))
     }
 
-    fn residuals(&self, set: &MeasurementSet, state: &State) -> Result<Vec<f64>, Error> {
+    pub(super) fn residuals(&self, set: &MeasurementSet, state: &State) -> Result<Vec<f64>, Error> {
         let assembly = Assembly::new(
             &self.arms,
-            std::slice::from_ref(set),
+            &[set.plain()],
             state,
             &self.estimate.derivatives,
         )?;
@@ -104,7 +105,7 @@ impl Calibration {
         set: &MeasurementSet,
         fitted: &Fitted,
     ) -> Result<SetResult, Error> {
-        let sets = std::slice::from_ref(set);
+        let sets = &[set.plain()];
         let errors = |state: &State| -> Result<ErrorSummary, Error> {
             let begin = start(&self.arms, sets, state.robots.clone(), state);
             let mut assembly = Assembly::new(&self.arms, sets, &begin, &self.estimate.derivatives)?;
@@ -159,6 +160,7 @@ fn given(set: &MeasurementSet) -> bool {
         set.measured,
         Measured::UnknownPlane(_)
             | Measured::SamePoint(_)
+            | Measured::SameLocation(_)
             | Measured::Distance { distance: None, .. }
     );
     frame && target && own

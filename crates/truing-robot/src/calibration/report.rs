@@ -4,12 +4,13 @@ use super::assembly::{Assembly, Owner, State};
 use super::doubt::DISTRUST;
 use super::measurement::Measured;
 use super::result::{
-    CalibrationResult, ErrorSummary, FrameEstimate, ParameterResult, PlaneEstimate, PointEstimate,
-    SetResult, Status, TargetEstimate, TerminationReport,
+    CalibrationResult, ErrorSummary, FrameEstimate, LocationEstimate, ParameterResult,
+    PlaneEstimate, PointEstimate, SetResult, Status, TargetEstimate, TerminationReport,
 };
 use super::run::Calibration;
 use super::select::Choice;
 use super::uncertainty::Uncertainty;
+use crate::error::Error;
 use truing::Solution;
 
 /// Puts the result together.
@@ -59,7 +60,10 @@ impl Report<'_> {
                     let gauge = into.iter().all(|(c, _)| {
                         matches!(
                             owner(c),
-                            Owner::Plane(..) | Owner::Point(..) | Owner::Distance(_)
+                            Owner::Plane(..)
+                                | Owner::Point(..)
+                                | Owner::Location(..)
+                                | Owner::Distance(_)
                         )
                     });
                     let status = if gauge {
@@ -97,17 +101,24 @@ impl Report<'_> {
         constraints: Vec<SetResult>,
         validation: Vec<SetResult>,
         warnings: Vec<String>,
-    ) -> CalibrationResult {
+    ) -> Result<CalibrationResult, Error> {
         let calibration = self.calibration;
-        let (mut planes, mut points, mut distances) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut planes, mut points) = (Vec::new(), Vec::new());
+        let (mut locations, mut distances) = (Vec::new(), Vec::new());
         for (k, set) in calibration.sets.iter().enumerate() {
-            let residuals = self.assembly.residuals(k, &solution.values);
+            let residuals = calibration.residuals(set, &calibration.own(k, state))?;
             let rms = |groups: &super::measurement::Groups, g: usize| {
                 let own: Vec<f64> = residuals
                     .chunks_exact(set.dim())
                     .zip(&groups.of_row)
                     .filter(|(_, h)| **h == g)
-                    .map(|(r, _)| r.iter().map(|e| e * e).sum::<f64>().sqrt())
+                    .map(|(r, _)| {
+                        r[..r.len().min(3)]
+                            .iter()
+                            .map(|e| e * e)
+                            .sum::<f64>()
+                            .sqrt()
+                    })
                     .collect();
                 (own.len(), ErrorSummary::of(&own).rms)
             };
@@ -133,6 +144,19 @@ impl Report<'_> {
                             group: groups.names[g].clone(),
                             count,
                             position: (*point).into(),
+                            rms,
+                        });
+                    }
+                }
+                Measured::SameLocation(groups) => {
+                    for (g, location) in state.locations[k].iter().enumerate() {
+                        let (count, rms) = rms(groups, g);
+                        locations.push(LocationEstimate {
+                            constraint: set.name.clone(),
+                            group: groups.names[g].clone(),
+                            count,
+                            position: location.translation.into(),
+                            quaternion: location.quaternion(),
                             rms,
                         });
                     }
@@ -183,7 +207,7 @@ impl Report<'_> {
             converged: solution.termination.converged(),
             message: solution.termination.to_string(),
         };
-        CalibrationResult {
+        Ok(CalibrationResult {
             // Where unknowns cannot be told apart, the residual is small at many wrong robots.
             trusted: termination.converged && !warnings.iter().any(|w| w.starts_with(DISTRUST)),
             termination,
@@ -199,9 +223,10 @@ impl Report<'_> {
             targets,
             planes,
             points,
+            locations,
             distances,
             identifiable,
             condition: self.uncertainty.map(|u| u.covariance.condition()),
-        }
+        })
     }
 }

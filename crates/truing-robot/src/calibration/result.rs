@@ -207,6 +207,23 @@ pub struct PointEstimate {
     pub rms: f64,
 }
 
+/// An estimated location: a position with an orientation.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct LocationEstimate {
+    /// Its set of measurements.
+    pub constraint: String,
+    /// Its group.
+    pub group: String,
+    /// Number of visits.
+    pub count: usize,
+    /// Position in the reference frame \[m\].
+    pub position: [f64; 3],
+    /// Unit quaternion (w, x, y, z).
+    pub quaternion: [f64; 4],
+    /// RMS distance of its visits \[m\].
+    pub rms: f64,
+}
+
 /// How the solver ended.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct TerminationReport {
@@ -249,6 +266,9 @@ pub struct CalibrationResult {
     pub planes: Vec<PlaneEstimate>,
     /// Points.
     pub points: Vec<PointEstimate>,
+    /// Locations.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub locations: Vec<LocationEstimate>,
     /// Estimated distances, as (constraint, metres).
     pub distances: Vec<(String, f64)>,
     /// Estimated degrees of freedom of robots, sensor frames and tool points together.

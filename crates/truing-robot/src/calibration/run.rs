@@ -6,7 +6,7 @@ use super::measurement::{Arm, Measured, MeasurementSet};
 use super::report::Report;
 use super::result::{CalibrationResult, ErrorSeries, SetResult};
 use super::select::{Choice, default_preference, in_order, select};
-use super::start::start;
+use super::start::{fit_eliminated, start};
 use crate::constraint::Derivatives;
 use crate::error::Error;
 use crate::file::RobotFile;
@@ -180,7 +180,7 @@ impl Calibration {
             .map(|(robot, parameter, _)| layout.robot(*robot).column() + parameter)
             .collect();
         let choices = select(&self.arms, &self.sets, &near, derivatives, &wanted, &priors)?;
-        let rows: usize = self.sets.iter().map(|set| set.len() * set.dim()).sum();
+        let rows = layout.problem.rows();
         // What the structure allows: with too few rows, which of it these data excite is chance.
         let unknowns = choices
             .iter()
@@ -296,7 +296,7 @@ impl Calibration {
             constraints,
             validation,
             warnings,
-        );
+        )?;
         let robots = self
             .arms
             .iter()
@@ -443,7 +443,8 @@ impl Calibration {
                 ));
             }
             let values = assembly.problem.initial().clone();
-            let state = assembly.state(&values);
+            let mut state = assembly.state(&values);
+            fit_eliminated(&self.arms, &self.sets, &mut state);
             return Ok((assembly, state, unchanged(values)));
         }
         let solution = if full {
@@ -455,7 +456,8 @@ impl Calibration {
             };
             solve(&assembly.problem, &settings)?
         };
-        let state = assembly.state(&solution.values);
+        let mut state = assembly.state(&solution.values);
+        fit_eliminated(&self.arms, &self.sets, &mut state);
         Ok((assembly, state, solution))
     }
 }

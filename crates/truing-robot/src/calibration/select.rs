@@ -41,12 +41,10 @@ fn structural_twin(
     state: &State,
 ) -> Result<Vec<MeasurementSet>, Error> {
     let twin = |(k, set): (usize, &MeasurementSet)| {
-        let groups = match &set.measured {
-            Measured::UnknownPlane(groups) | Measured::SamePoint(groups) => {
-                groups.names.len().max(1)
-            }
-            _ => 1,
-        };
+        let groups = set
+            .measured
+            .groups()
+            .map_or(1, |groups| groups.names.len().max(1));
         let sampling = Sampling {
             count: POSTURES.div_ceil(groups).max(12),
             noise: None,
@@ -238,6 +236,7 @@ fn scale_anchors(
         let mut with = state.clone();
         with.planes.push(Vec::new());
         with.points.push(Vec::new());
+        with.locations.push(Vec::new());
         with.distances.push(0.0);
         let known = Assembly::new(arms, &sets, &with, &Derivatives::default())?;
         let status = base_columns(&compressed(&known, wanted), &order, STRUCTURE);
@@ -259,7 +258,7 @@ pub fn in_order(
     wanted: impl Fn(&Owner) -> bool,
 ) -> Vec<usize> {
     let rank = |owner: &Owner| match owner {
-        Owner::Plane(..) | Owner::Point(..) | Owner::Distance(_) => (0, 0),
+        Owner::Plane(..) | Owner::Point(..) | Owner::Location(..) | Owner::Distance(_) => (0, 0),
         Owner::Frame(_) => (1, 0),
         Owner::Target(..) => (2, 0),
         Owner::Parameter { robot, parameter } => (

@@ -39,6 +39,7 @@ fn small_groups(set: &MeasurementSet) -> Result<Option<(Vec<usize>, String)>, Er
     let (groups, least, group, row) = match &set.measured {
         Measured::UnknownPlane(groups) => (groups, 4, "plane", "touches"),
         Measured::SamePoint(groups) => (groups, 2, "point", "visits"),
+        Measured::SameLocation(groups) => (groups, 2, "location", "visits"),
         _ => return Ok(None),
     };
     let counts = groups.counts();
@@ -96,7 +97,7 @@ fn number_of(count: usize, plural: &str) -> String {
 
 /// A set without some of its groups; the others are numbered anew.
 fn keep_groups(set: &MeasurementSet, without: &[usize]) -> MeasurementSet {
-    let (Measured::UnknownPlane(groups) | Measured::SamePoint(groups)) = &set.measured else {
+    let Some(groups) = set.measured.groups() else {
         return set.clone();
     };
     let kept: Vec<usize> = (0..groups.names.len())
@@ -105,9 +106,10 @@ fn keep_groups(set: &MeasurementSet, without: &[usize]) -> MeasurementSet {
     let rows: Vec<usize> = (0..set.len())
         .filter(|row| kept.contains(&groups.of_row[*row]))
         .collect();
+    let names = kept.iter().map(|g| groups.names[*g].clone()).collect();
     let mut set = set.rows(&rows);
-    if let Measured::UnknownPlane(groups) | Measured::SamePoint(groups) = &mut set.measured {
-        groups.names = kept.iter().map(|g| groups.names[*g].clone()).collect();
+    if let Some(groups) = set.measured.groups_mut() {
+        groups.names = names;
         for g in &mut groups.of_row {
             *g = kept.iter().position(|k| k == g).unwrap_or_default();
         }

@@ -51,7 +51,8 @@ pub fn start(arms: &[Arm], sets: &[MeasurementSet], robots: Vec<Vec<f64>>, known
 
 /// Fits planes, points and unknown distances to the tool points of a state.
 pub fn fit_groups(arms: &[Arm], sets: &[MeasurementSet], state: &mut State) {
-    let (mut planes, mut points, mut distances) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut planes, mut points) = (Vec::new(), Vec::new());
+    let (mut locations, mut distances) = (Vec::new(), Vec::new());
     for set in sets {
         let tips = || {
             tips(
@@ -61,18 +62,38 @@ pub fn fit_groups(arms: &[Arm], sets: &[MeasurementSet], state: &mut State) {
                 &state.target(set),
             )
         };
-        let (mut set_planes, mut set_points, mut distance) = (Vec::new(), Vec::new(), 0.0);
+        let (mut set_planes, mut set_points) = (Vec::new(), Vec::new());
+        let (mut set_locations, mut distance) = (Vec::new(), 0.0);
         match &set.measured {
             Measured::UnknownPlane(groups) => {
                 let tips = tips();
                 for g in 0..groups.names.len() {
-                    set_planes.push(best_fit_plane(&members(&tips, &groups.of_row, g)));
+                    let touches = members(&tips, &groups.of_row, g);
+                    let chart = set.form.as_ref().and_then(|form| form.chart());
+                    set_planes.push(match chart {
+                        Some(chart) => chart.fit(&touches),
+                        None => best_fit_plane(&touches),
+                    });
                 }
             }
             Measured::SamePoint(groups) => {
                 let tips = tips();
                 for g in 0..groups.names.len() {
                     set_points.push(mean(&members(&tips, &groups.of_row, g)));
+                }
+            }
+            Measured::SameLocation(groups) => {
+                let tips = tips();
+                for g in 0..groups.names.len() {
+                    let visits = groups.of_row.iter().zip(&set.q).filter(|(h, _)| **h == g);
+                    let rotations = visits.map(|(_, q)| {
+                        let robot = &arms[set.robot].robot;
+                        robot.forward(&state.robots[set.robot], q).rotation
+                    });
+                    set_locations.push(Pose {
+                        rotation: nearest_rotation(&rotations.sum()),
+                        translation: mean(&members(&tips, &groups.of_row, g)),
+                    });
                 }
             }
             Measured::Distance {
@@ -99,9 +120,27 @@ pub fn fit_groups(arms: &[Arm], sets: &[MeasurementSet], state: &mut State) {
         }
         planes.push(set_planes);
         points.push(set_points);
+        locations.push(set_locations);
         distances.push(distance);
     }
-    (state.planes, state.points, state.distances) = (planes, points, distances);
+    (state.planes, state.points) = (planes, points);
+    (state.locations, state.distances) = (locations, distances);
+}
+
+/// Fits the planes, points and locations that the equations of some sets leave out.
+pub(super) fn fit_eliminated(arms: &[Arm], sets: &[MeasurementSet], state: &mut State) {
+    if !sets.iter().any(MeasurementSet::eliminates) {
+        return;
+    }
+    let mut fitted = state.clone();
+    fit_groups(arms, sets, &mut fitted);
+    for (k, set) in sets.iter().enumerate() {
+        if set.eliminates() {
+            state.planes[k].clone_from(&fitted.planes[k]);
+            state.points[k].clone_from(&fitted.points[k]);
+            state.locations[k].clone_from(&fitted.locations[k]);
+        }
+    }
 }
 
 /// The tool points of a set in the reference frame \[m\].

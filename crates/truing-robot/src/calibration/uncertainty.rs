@@ -56,15 +56,15 @@ impl Calibration {
         assembly
             .problem
             .residual(assembly.problem.initial(), &mut r);
-        let (mut influence, mut rows, mut first) = (0.0, 0.0, 0);
+        let (mut influence, mut rows) = (0.0, 0.0);
         let (mut slope, mut slope_square) = (0.0, 0.0);
-        for set in &self.sets {
-            let last = first + set.len() * set.dim();
-            for r in r[first..last].chunks_exact(set.dim()) {
+        let blocks = assembly.problem.blocks().map(|block| block.dim());
+        for (k, (set, dim)) in self.sets.iter().zip(blocks).enumerate() {
+            for r in r[assembly.problem.block_rows(k)].chunks_exact(dim) {
                 let square: f64 = r.iter().map(|r| r * r).sum();
                 let weight = set.loss.evaluate(square).1;
                 influence += weight * weight * square;
-                let dim = set.dim() as f64;
+                let dim = dim as f64;
                 // Beyond the threshold ψ only turns: ψ′ is the weight across r, zero along it.
                 let own = if weight < 1.0 {
                     weight * (dim - 1.0) / dim
@@ -75,7 +75,6 @@ impl Calibration {
                 slope_square += own * own * dim;
                 rows += dim;
             }
-            first = last;
         }
         let freedom = rows - unknowns;
         let mean = slope / rows;

@@ -68,8 +68,8 @@ impl Chain {
 }
 
 /// Differentiates by automatic differentiation of the whole chain or numerically where the chain
-/// asks for it; otherwise returns the regressor's source.
-fn reference_or_regressor<'c, C: Constraint>(
+/// asks for it; otherwise returns the regressor's source, for a constraint to write its own chain rule.
+pub fn reference_or_regressor<'c, C: Constraint>(
     constraint: &C,
     chain: &'c Chain,
     at: &mut Point<'_, C::Vars>,
@@ -84,9 +84,10 @@ fn reference_or_regressor<'c, C: Constraint>(
     None
 }
 
-/// Writes ∂r/∂(robot parameters) = (∂r/∂tip) · (∂tip/∂parameters) and ∂r/∂target of one tool point.
+/// Writes ∂r/∂(robot parameters) = (∂r/∂tip) · (∂tip/∂parameters) and ∂r/∂target of one tool point;
+/// `robot` and `target` are the places of their variables in the tuple, `gradient` is ∂r/∂tip.
 #[inline]
-fn write_tip<const ROWS: usize>(
+pub fn write_tip<const ROWS: usize>(
     j: &mut Jacobian<'_>,
     robot: usize,
     target: usize,
@@ -103,8 +104,8 @@ fn write_tip<const ROWS: usize>(
     j.block_mut(target).copy_from_slice(columns.as_slice());
 }
 
-/// Writes a block of columns of another variable.
-fn write_block<const ROWS: usize, const COLS: usize>(
+/// Writes the block of columns of another variable.
+pub fn write_block<const ROWS: usize, const COLS: usize>(
     j: &mut Jacobian<'_>,
     variable: usize,
     columns: &SMatrix<f64, ROWS, COLS>,
@@ -113,7 +114,7 @@ fn write_block<const ROWS: usize, const COLS: usize>(
 }
 
 /// The regressor at a configuration, in memory that the evaluation keeps.
-fn regressor_at<'m, V: Vars>(
+pub fn regressor_at<'m, V: Vars>(
     at: &'m mut Point<'_, V>,
     source: &dyn DifferentiateChain,
     chain: &Chain,

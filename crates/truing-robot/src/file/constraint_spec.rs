@@ -26,18 +26,21 @@ pub enum Kind {
     UnknownPlane,
     /// Touches of one point that is estimated.
     SamePoint,
+    /// Visits of one location (position and orientation) that is estimated.
+    SameLocation,
     /// The distance between two tool points.
     Distance,
 }
 
 impl Kind {
     /// All kinds.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 7] = [
         Self::Pose,
         Self::Position,
         Self::KnownPlane,
         Self::UnknownPlane,
         Self::SamePoint,
+        Self::SameLocation,
         Self::Distance,
     ];
 
@@ -50,6 +53,7 @@ impl Kind {
             Self::KnownPlane => "known-plane",
             Self::UnknownPlane => "unknown-plane",
             Self::SamePoint => "same-point",
+            Self::SameLocation => "same-location",
             Self::Distance => "distance",
         }
     }
@@ -58,6 +62,12 @@ impl Kind {
     #[must_use]
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|kind| kind.name() == name)
+    }
+
+    /// Whether its residual has rotations.
+    #[must_use]
+    pub fn has_rotation(self) -> bool {
+        matches!(self, Self::Pose | Self::SameLocation)
     }
 
     pub(super) fn read(item: &Item<'_>) -> Result<Self, InputError> {
@@ -71,12 +81,13 @@ impl Kind {
 }
 
 /// The kinds that can name a tool point of one robot.
-const TOUCHED: [Kind; 6] = [
+const TOUCHED: [Kind; 7] = [
     Kind::Pose,
     Kind::Position,
     Kind::KnownPlane,
     Kind::UnknownPlane,
     Kind::SamePoint,
+    Kind::SameLocation,
     Kind::Distance,
 ];
 
@@ -86,7 +97,10 @@ const KEYS_OF_KINDS: [(&str, &[Kind]); 9] = [
     ("target_guess", &TOUCHED),
     ("frame", &[Kind::Pose, Kind::Position]),
     ("frame_guess", &[Kind::Pose, Kind::Position]),
-    ("group", &[Kind::UnknownPlane, Kind::SamePoint]),
+    (
+        "group",
+        &[Kind::UnknownPlane, Kind::SamePoint, Kind::SameLocation],
+    ),
     ("plane", &[Kind::KnownPlane]),
     ("distance", &[Kind::Distance]),
     ("robots", &[Kind::Distance]),
@@ -193,6 +207,8 @@ pub struct ConstraintSpec {
     pub sigma: Option<SigmaSpec>,
     /// How residuals count.
     pub loss: LossSpec,
+    /// Other equations for the same measurements, by the name that a plugin gives them.
+    pub method: Option<Spanned<String>>,
     /// The robot that measured, where there are several.
     pub robot: Option<Spanned<String>>,
     /// The two robots of a `distance` between robots.
@@ -255,6 +271,7 @@ impl ConstraintSpec {
                 Some(item) => loss(&item)?,
                 None => LossSpec::default(),
             },
+            method: name(&mut table, "method")?,
             robot: name(&mut table, "robot")?,
             robots: two_robots(&mut table)?,
             target: name(&mut table, "target")?,
@@ -381,7 +398,7 @@ mod tests {
             (
                 "position",
                 "group = 'a'",
-                "only `unknown-plane` or `same-point`",
+                "only `unknown-plane`, `same-point` or `same-location`",
             ),
             ("unknown-plane", "frame = 's'", "only `pose` or `position`"),
             ("pose", "targets = ['a', 'b']", "only `distance`"),

@@ -48,7 +48,7 @@ pub(super) fn sigma(item: &Item<'_>, kind: Kind, units: &Units) -> Result<SigmaS
         }
         return Ok(SigmaSpec::Single(quantity));
     }
-    if kind != Kind::Pose {
+    if !kind.has_rotation() {
         let message = format!("found a table; a {} has no rotation", kind.name());
         return Err(item
             .error(message)
@@ -217,6 +217,10 @@ pub(super) fn plane(
     units: &Units,
 ) -> Result<Option<PlaneSpec>, InputError> {
     if kind != Kind::KnownPlane {
+        return Ok(None);
+    }
+    // A method may have a plane of its own.
+    if table.peek("method").is_some() && table.peek("plane").is_none() {
         return Ok(None);
     }
     let item = table.require("plane", PLANE_EXPECTED)?;

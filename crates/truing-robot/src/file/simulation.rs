@@ -73,6 +73,8 @@ pub struct SimulationSpec {
     pub planes: PlacesSpec<PlaneSpec>,
     /// The points of a `same-point` \[m\].
     pub points: PlacesSpec<[f64; 3]>,
+    /// The locations of a `same-location`: x, y, z \[m\] and the unit quaternion w, x, y, z.
+    pub locations: PlacesSpec<[f64; 7]>,
     /// The distance of a `distance` \[m\].
     pub distance: f64,
     /// Where the table and the values of its keys are in the file.
@@ -211,7 +213,7 @@ fn errors(mut table: Section<'_>) -> Result<ErrorSpec, InputError> {
 }
 
 /// The keys that only some kinds have.
-const KEYS_OF_KINDS: [(&str, &[Kind]); 8] = [
+const KEYS_OF_KINDS: [(&str, &[Kind]); 9] = [
     (
         "target_position",
         &[
@@ -220,6 +222,7 @@ const KEYS_OF_KINDS: [(&str, &[Kind]); 8] = [
             Kind::KnownPlane,
             Kind::UnknownPlane,
             Kind::SamePoint,
+            Kind::SameLocation,
         ],
     ),
     ("frame", &[Kind::Pose, Kind::Position]),
@@ -227,6 +230,7 @@ const KEYS_OF_KINDS: [(&str, &[Kind]); 8] = [
     ("plane", &[Kind::KnownPlane]),
     ("planes", &[Kind::UnknownPlane]),
     ("points", &[Kind::SamePoint]),
+    ("locations", &[Kind::SameLocation]),
     ("distance", &[Kind::Distance]),
     ("robots", &[Kind::Distance]),
 ];
@@ -307,6 +311,12 @@ fn constraint(
         "a number of points, or a list of points",
         |item| Ok(point(item, &Units::SI)?.map(|c| c.value)),
     )?;
+    let locations = places(
+        &mut table,
+        "locations",
+        "a number of locations, or a list of locations",
+        |item| pose(item, &Units::SI),
+    )?;
     let distance = if kind == Kind::Distance {
         size(
             &table.require("distance", "expected a length")?,
@@ -331,6 +341,7 @@ fn constraint(
         plane,
         planes,
         points,
+        locations,
         distance,
         spans,
     })

@@ -78,6 +78,12 @@ impl Regressor {
         let joint = &robot.joints()[joint];
         self.twists[joint.offset_parameter].at(point) * parameters[joint.gain_parameter]
     }
+
+    /// Angular velocity of the tool when joint number `joint` moves at unit speed.
+    pub fn joint_turn(&self, robot: &Robot, parameters: &[f64], joint: usize) -> Vector3<f64> {
+        let joint = &robot.joints()[joint];
+        self.twists[joint.offset_parameter].angular * parameters[joint.gain_parameter]
+    }
 }
 
 /// What computes a regressor: the seam at which analytic columns replace automatic ones, for every

@@ -12,7 +12,7 @@ use truing::manifold::{Pose, so3};
 use truing::nalgebra::{DMatrix, DVector, Vector3};
 
 /// How a set of measurements is drawn.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy)]
 pub struct Sampling<'a> {
     /// How many measurements of each group (of the whole set for kinds without groups).
     pub count: usize,
@@ -54,7 +54,7 @@ pub fn sample(
         let Some(near) = sampling.near else {
             return Vec::new();
         };
-        let (Measured::UnknownPlane(groups) | Measured::SamePoint(groups)) = &near.measured else {
+        let Some(groups) = near.measured.groups() else {
             return near.q.clone();
         };
         near.q
@@ -123,6 +123,21 @@ pub fn sample(
                 }
             }
             Measured::SamePoint(in_turn(groups, sampling.count))
+        }
+        Measured::SameLocation(groups) => {
+            for (g, name) in groups.names.iter().enumerate() {
+                let near = near(Some(g));
+                for _ in 0..sampling.count {
+                    let location = state.locations[k][g];
+                    let turn = so3::exp_matrix((sampler.normal() * noise.rotation).as_slice());
+                    let location = Pose {
+                        translation: location.translation + sampler.normal() * noise.position,
+                        rotation: location.rotation * turn,
+                    };
+                    q.push(sampler.exact(&near, name, |q| at_location(&posed, &location, q))?);
+                }
+            }
+            Measured::SameLocation(in_turn(groups, sampling.count))
         }
         Measured::Distance {
             other, distance, ..
@@ -263,6 +278,24 @@ fn on_plane(
 fn at_point(posed: &Posed<'_>, point: &Vector3<f64>, q: &[f64]) -> (DVector<f64>, DMatrix<f64>) {
     let (tip, j) = posed.tip(q, &mut Regressor::default());
     (DVector::from_column_slice((tip - point).as_slice()), j)
+}
+
+/// tip − position = 0 and log(R_tool · Rᵀ) = 0, six rows [m, rad].
+fn at_location(posed: &Posed<'_>, location: &Pose<f64>, q: &[f64]) -> (DVector<f64>, DMatrix<f64>) {
+    let mut regressor = Regressor::default();
+    let (tip, j) = posed.tip(q, &mut regressor);
+    let off = so3::log_matrix(&(regressor.tool.rotation * location.rotation.transpose()));
+    let mut r = DVector::zeros(6);
+    r.rows_mut(0, 3).copy_from(&(tip - location.translation));
+    r.rows_mut(3, 3).copy_from(&off);
+    let mut rows = DMatrix::zeros(6, q.len());
+    rows.rows_mut(0, 3).copy_from(&j);
+    for c in 0..q.len() {
+        // To first order in the angle that is left: enough for Newton's steps to end at zero.
+        let turn = regressor.joint_turn(posed.robot, posed.parameters, c);
+        rows.view_mut((3, c), (3, 1)).copy_from(&turn);
+    }
+    (r, rows)
 }
 
 /// ‖tip_a − tip_b‖ − distance = 0, one row over the joints of both, the first `n` those of a.

@@ -193,11 +193,15 @@ fn template(
         } else {
             Vector3::zeros()
         };
-        let tip = arm.robot.forward(&truth.robots[robot], &q).apply(&target);
+        let tool = arm.robot.forward(&truth.robots[robot], &q);
+        let location = Pose {
+            translation: tool.apply(&target),
+            rotation: tool.rotation,
+        };
         let direction: Vector3<f64> = Vector3::from_fn(|_, _| rng.sample(StandardNormal));
-        (tip, direction)
+        (location, direction)
     };
-    let (mut planes, mut points) = (Vec::new(), Vec::new());
+    let (mut planes, mut points, mut locations) = (Vec::new(), Vec::new(), Vec::new());
     let labels = |n: usize| (1..=n).map(|k| k.to_string()).collect::<Vec<_>>();
     let measured = match spec.kind {
         Kind::Position => Measured::Position(Vec::new()),
@@ -215,11 +219,11 @@ fn template(
             planes = match &spec.planes {
                 PlacesSpec::Random(n) => (0..*n)
                     .map(|_| {
-                        let (tip, direction) = somewhere();
+                        let (location, direction) = somewhere();
                         let normal = direction.try_normalize(1e-12).unwrap_or_else(Vector3::z);
                         Plane {
                             normal,
-                            distance: normal.dot(&tip),
+                            distance: normal.dot(&location.translation),
                         }
                     })
                     .collect(),
@@ -241,11 +245,26 @@ fn template(
         }
         Kind::SamePoint => {
             points = match &spec.points {
-                PlacesSpec::Random(n) => (0..*n).map(|_| somewhere().0).collect(),
+                PlacesSpec::Random(n) => (0..*n).map(|_| somewhere().0.translation).collect(),
                 PlacesSpec::Listed(listed) => listed.iter().map(|p| Vector3::from(*p)).collect(),
             };
             Measured::SamePoint(Groups {
                 names: labels(points.len()),
+                of_row: Vec::new(),
+            })
+        }
+        Kind::SameLocation => {
+            locations = match &spec.locations {
+                PlacesSpec::Random(n) => (0..*n).map(|_| somewhere().0).collect(),
+                PlacesSpec::Listed(listed) => listed
+                    .iter()
+                    .map(|[x, y, z, qw, qx, qy, qz]| {
+                        Pose::from_quaternion(Vector3::new(*x, *y, *z), [*qw, *qx, *qy, *qz])
+                    })
+                    .collect(),
+            };
+            Measured::SameLocation(Groups {
+                names: labels(locations.len()),
                 of_row: Vec::new(),
             })
         }
@@ -260,6 +279,7 @@ fn template(
     };
     truth.planes.push(planes);
     truth.points.push(points);
+    truth.locations.push(locations);
     truth.distances.push(spec.distance);
     let mut set = MeasurementSet::new(&spec.name, robot, Vec::new(), measured);
     set.target = spec.target.as_ref().map(|t| t.value.clone());
@@ -328,6 +348,7 @@ impl Simulated {
             Measured::Pose(_) => &["x", "y", "z", "qw", "qx", "qy", "qz"],
             Measured::UnknownPlane(_) => &["plane"],
             Measured::SamePoint(_) => &["point"],
+            Measured::SameLocation(_) => &["location"],
             _ => &[],
         };
         header.extend(columns.iter().map(|c| (*c).to_owned()));
@@ -340,7 +361,9 @@ impl Simulated {
                     cells.extend(poses[row].translation.iter().map(f64::to_string));
                     cells.extend(poses[row].quaternion().iter().map(f64::to_string));
                 }
-                Measured::UnknownPlane(groups) | Measured::SamePoint(groups) => {
+                Measured::UnknownPlane(groups)
+                | Measured::SamePoint(groups)
+                | Measured::SameLocation(groups) => {
                     cells.push(groups.names[groups.of_row[row]].clone());
                 }
                 Measured::Distance { q_b, .. } => cells.extend(q_b[row].iter().map(f64::to_string)),
@@ -404,11 +427,13 @@ impl Simulated {
             }
             if let Some(sigma) = set.sigma.first() {
                 let _ = match &set.measured {
-                    Measured::Pose(_) if sigma.rotation > 0.0 => writeln!(
-                        out,
-                        "sigma = {{ position = {:?}, rotation = {:?} }}",
-                        sigma.position, sigma.rotation
-                    ),
+                    Measured::Pose(_) | Measured::SameLocation(_) if sigma.rotation > 0.0 => {
+                        writeln!(
+                            out,
+                            "sigma = {{ position = {:?}, rotation = {:?} }}",
+                            sigma.position, sigma.rotation
+                        )
+                    }
                     _ => writeln!(out, "sigma = {:?}", sigma.position),
                 };
             }

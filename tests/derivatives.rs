@@ -11,6 +11,10 @@ use std::sync::Arc;
 use truing::manifold::{Plane, Plane3, Point3, Pose, Pose3, Vector, so3};
 use truing::nalgebra::Vector3;
 use truing::{Batch, Constraint, LeastSquares, Linearization, Problem, check};
+use truing_planar::{
+    ClassicalPose, ClassicalPosition, CoefficientsUnknown, FrameLink, GeneralisedModel,
+    KnownCoefficients, PositionLink, VectorProducts,
+};
 use truing_robot::constraint::{
     Chain, Derivatives, Distance, KnownPlane, MeasuredPose, Position, PostureDistance, SamePoint,
     UnknownPlane,
@@ -182,6 +186,77 @@ impl Scene {
             self.distance(derivatives),
             self.posture_distance(derivatives),
         ]
+    }
+
+    /// One problem an equation of the paper's plugin, each with a row for each posture.
+    fn papers(&self, derivatives: &Derivatives) -> Vec<Problem> {
+        let (arm, chain) = (&self.arm, self.arm.chain(derivatives));
+        let posture = |i: usize| arm.postures[i % POSTURES].clone();
+        let begin = || {
+            let mut problem = Problem::new();
+            let robot = problem.add_variable::<Vector>("robot", &arm.parameters);
+            let target = problem.add_variable::<Point3>("target", &arm.target);
+            (problem, robot, target)
+        };
+        // Where the posture is, but for the error; in the sensor's frame.
+        let read = |i: usize| {
+            let turn = so3::exp_matrix(self.errors[i].as_slice());
+            let seen = Pose::new(arm.tool(i).rotation * turn, arm.tip(i) + self.errors[i]);
+            self.sensor.inverse().compose(&seen)
+        };
+        let mut problems = Vec::new();
+        for full in [false, true] {
+            let (mut problem, robot, target) = begin();
+            let sensor = problem.add_variable::<Pose3>("sensor", &self.sensor);
+            let variables = (robot, sensor, target);
+            problems.push(if full {
+                with_each(problem, "classical pose", |i| {
+                    let measured = read(i);
+                    let (chain, q) = (chain.clone(), posture(i));
+                    (variables, ClassicalPose { chain, q, measured })
+                })
+            } else {
+                with_each(problem, "classical position", |i| {
+                    let measured = read(i).translation;
+                    let (chain, q) = (chain.clone(), posture(i));
+                    (variables, ClassicalPosition { chain, q, measured })
+                })
+            });
+        }
+        let (problem, robot, target) = begin();
+        problems.push(with_each(problem, "known coefficients", |i| {
+            let coefficients = self.normals[i].into();
+            let (chain, q) = (chain.clone(), posture(i));
+            let constraint = KnownCoefficients {
+                chain,
+                q,
+                coefficients,
+            };
+            ((robot, target), constraint)
+        }));
+        let (mut problem, robot, target) = begin();
+        let plane = problem.add_variable::<Vector>("plane", &self.normals[0].as_slice().to_vec());
+        problems.push(with_each(problem, "unknown coefficients", |i| {
+            let (chain, q) = (chain.clone(), posture(i));
+            ((robot, target, plane), CoefficientsUnknown { chain, q })
+        }));
+        let (problem, robot, target) = begin();
+        problems.push(with_each(problem, "position link", |i| {
+            let (chain, q_a, q_b) = (chain.clone(), posture(i), posture(i + 1));
+            ((robot, target), PositionLink { chain, q_a, q_b })
+        }));
+        let (problem, robot, target) = begin();
+        problems.push(with_each(problem, "frame link", |i| {
+            let (chain, q_a, q_b) = (chain.clone(), posture(i), posture(i + 1));
+            ((robot, target), FrameLink { chain, q_a, q_b })
+        }));
+        let (problem, robot, target) = begin();
+        problems.push(with_each(problem, "vector products", |i| {
+            let q = [0, 1, 2, 3].map(|k| posture(i + k));
+            let (chain, area) = (chain.clone(), 1.0);
+            ((robot, target), VectorProducts { chain, q, area })
+        }));
+        problems
     }
 
     fn position(&self, derivatives: &Derivatives) -> Problem {
@@ -411,7 +486,12 @@ fn assert_all_agree(scene: &Scene) {
         Derivatives::WholeChain,
         Derivatives::Numeric,
     ]
-    .map(|d| scene.problems(&d));
+    .map(|d| {
+        let mut all = scene.problems(&d);
+        all.extend(scene.papers(&d));
+        all
+    });
+    assert_exact_agree(scene);
     for ((problem, whole_chain), numeric) in default.iter().zip(&whole_chain).zip(&numeric) {
         let lin = linearize(problem);
         // NaN is a difference too, so this covers the references.
@@ -432,6 +512,23 @@ fn assert_all_agree(scene: &Scene) {
             &differences,
             DIFFERENCES,
         );
+    }
+}
+
+/// The analytic columns are those of automatic differentiation, frame by frame and of the whole chain.
+#[track_caller]
+fn assert_exact_agree(scene: &Scene) {
+    let analytic = Derivatives::Regressor(Arc::new(GeneralisedModel));
+    let [analytic, default, whole_chain] =
+        [analytic, Derivatives::default(), Derivatives::WholeChain].map(|d| {
+            let mut all = scene.problems(&d);
+            all.extend(scene.papers(&d));
+            all
+        });
+    for ((problem, default), whole_chain) in analytic.iter().zip(&default).zip(&whole_chain) {
+        let lin = linearize(problem);
+        assert_agree(problem, "frame-wise", &lin, &linearize(default), EXACT);
+        assert_agree(problem, "whole chain", &lin, &linearize(whole_chain), EXACT);
     }
 }
 
@@ -459,6 +556,17 @@ fn all_ways_agree_at_random_points() {
     for _ in 0..100 {
         assert_all_agree(&Scene::random(&kk, &distal, &mut random));
         assert_all_agree(&Scene::random(&distal, &kk, &mut random));
+    }
+}
+
+/// A thousand parameter sets, each with four configurations, for every kind and equation.
+#[test]
+fn analytic_and_automatic_columns_agree_at_a_thousand_random_points() {
+    let mut random = ChaCha8Rng::seed_from_u64(1996);
+    let [kk, distal] = robots();
+    for _ in 0..500 {
+        assert_exact_agree(&Scene::random(&kk, &distal, &mut random));
+        assert_exact_agree(&Scene::random(&distal, &kk, &mut random));
     }
 }
 

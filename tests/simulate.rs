@@ -63,6 +63,12 @@ kind = "distance"
 data = "bar.csv"
 count = 100
 distance = 0.5
+
+[[constraint]]
+kind = "same-location"
+data = "docks.csv"
+count = 8
+locations = 12
 "#;
 
 /// A folder with the PUMA 560 and a simulation of it.
@@ -126,7 +132,7 @@ fn the_same_file_and_seed_make_the_same_bytes() {
     let files = contents(&cell.path("a"));
     assert_eq!(
         files.len(),
-        6 + 4,
+        7 + 4,
         "the data, two robots, calibration and truth"
     );
     assert_eq!(files, contents(&cell.path("b")));

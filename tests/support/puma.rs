@@ -86,6 +86,8 @@ pub enum What {
     UnknownPlane(Vec<Plane<f64>>),
     /// Visits of points that are estimated \[m\].
     SamePoint(Vec<Vector3<f64>>),
+    /// Visits of locations that are estimated.
+    SameLocation(Vec<Pose<f64>>),
     /// A known distance between the tools of two robots \[m\].
     TwoArms(f64),
     /// A known distance between two postures of one robot \[m\].
@@ -143,6 +145,7 @@ impl Scene {
     pub fn measure(mut self, what: &What, count: usize, sigma: f64) -> Self {
         let k = self.sets.len();
         let (mut planes, mut points, mut distance) = (Vec::new(), Vec::new(), 0.0);
+        let mut locations = Vec::new();
         let groups = |n: usize| Groups {
             names: (1..=n).map(|g| g.to_string()).collect(),
             of_row: Vec::new(),
@@ -163,6 +166,10 @@ impl Scene {
             What::SamePoint(listed) => {
                 points.clone_from(listed);
                 Measured::SamePoint(groups(listed.len()))
+            }
+            What::SameLocation(listed) => {
+                locations.clone_from(listed);
+                Measured::SameLocation(groups(listed.len()))
             }
             What::TwoArms(length) => {
                 distance = *length;
@@ -190,6 +197,7 @@ impl Scene {
         }
         self.truth.planes.push(planes);
         self.truth.points.push(points);
+        self.truth.locations.push(locations);
         self.truth.distances.push(distance);
         let noise = Sigma {
             position: sigma,

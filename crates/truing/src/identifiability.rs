@@ -35,7 +35,8 @@ pub fn base_columns(jacobian: &DMatrix<f64>, order: &[usize], tolerance: f64) ->
     let mut triangle: Vec<Vec<f64>> = Vec::new();
     for &column in order {
         let length = jacobian.column(column).norm();
-        if length <= 1e-13 * largest {
+        // What a column without effect is left with where the constraints hold but for rounding.
+        if length <= (1e-5 * tolerance).max(1e-13) * largest {
             continue;
         }
         let mut rest = jacobian.column(column) / length;

@@ -47,6 +47,11 @@ pub fn sample(
     };
     let mut sampler = Sampler {
         name: &set.name,
+        // A location leaves no joint free: few starts lead there.
+        attempts: match set.measured {
+            Measured::SameLocation(_) => 2_000,
+            _ => 400,
+        },
         limits: &limits,
         rng,
     };
@@ -207,6 +212,8 @@ fn in_turn(groups: &Groups, count: usize) -> Groups {
 
 struct Sampler<'a> {
     name: &'a str,
+    /// Starting postures before a place counts as out of reach.
+    attempts: usize,
     limits: &'a [[f64; 2]],
     rng: &'a mut ChaCha8Rng,
 }
@@ -234,8 +241,7 @@ impl Sampler<'_> {
         what: &str,
         mut condition: impl FnMut(&[f64]) -> (DVector<f64>, DMatrix<f64>),
     ) -> Result<Vec<f64>, Error> {
-        const ATTEMPTS: usize = 400;
-        for attempt in 0..ATTEMPTS {
+        for attempt in 0..self.attempts {
             let start = self.start(near, attempt);
             // Data may lie outside the limits a robot file gives: those postures count too.
             let limits: Vec<[f64; 2]> = self
@@ -250,8 +256,8 @@ impl Sampler<'_> {
         }
         Err(Error::Unreachable {
             message: format!(
-                "`{}`: none of {ATTEMPTS} starting postures leads the robot to {what}",
-                self.name
+                "`{}`: none of {} starting postures leads the robot to {what}",
+                self.name, self.attempts
             ),
             help:
                 "check the robot table, where the plane or point is, the units and the joint limits"

@@ -12,6 +12,9 @@ pub(super) struct Current {
     pub trial_residual: Vec<f64>,
     pub free: Vec<usize>,
     pub bounds: Option<StepBounds>,
+    /// What the last bits of x change in r, at most: 8 ε times the longest column, each times the size
+    /// of what it moves.
+    pub rounding: f64,
 }
 
 impl Current {
@@ -34,6 +37,7 @@ impl Current {
             trial_residual,
             free,
             bounds: None,
+            rounding: 0.0,
         };
         current.linearize(problem, x);
         check_finite(problem, &current.lin, &current.free)?;
@@ -56,7 +60,7 @@ impl Current {
     /// Updates the column scales to the largest norms seen, factors, and looks whether this is it:
     /// the gradient is zero, or the residual is.
     pub fn look<O: LeastSquares>(
-        &self,
+        &mut self,
         problem: &O,
         x: &O::Point,
         scale: &mut Vec<f64>,
@@ -86,6 +90,7 @@ impl Current {
             .collect();
         step.factor(&self.lin, &self.free, &positive);
         let rounding = 8.0 * f64::EPSILON * longest;
+        self.rounding = rounding;
         if norm <= rounding {
             return Some(Termination::Residual {
                 value: norm,

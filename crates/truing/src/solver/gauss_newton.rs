@@ -97,7 +97,7 @@ where
             "Gauss-Newton needs a starting point: configure(|state| state.param(x))"
         ))?;
         let current = problem.problem("linearize_count", |p| {
-            let current = Current::start(p, &x)?;
+            let mut current = Current::start(p, &x)?;
             self.termination =
                 current.look(p, &x, &mut self.scale, &mut self.step, &self.tolerances);
             Ok(current)
@@ -120,7 +120,7 @@ where
         let mut current = match self.current.take() {
             Some(current) => current,
             None => problem.problem("linearize_count", |p| {
-                let current = Current::start(p, &x)?;
+                let mut current = Current::start(p, &x)?;
                 current.look(p, &x, &mut self.scale, &mut self.step, &self.tolerances);
                 Ok(current)
             })?,
@@ -157,10 +157,13 @@ where
         self.termination = problem.problem("describe_count", |p| {
             Ok(current.look(p, &trial, &mut self.scale, &mut self.step, &self.tolerances))
         })?;
-        if self.termination.is_none() && promised <= self.tolerances.cost {
+        // A step that changes r by less than its rounding is no step.
+        let rounding = 0.5 * current.rounding * current.rounding / cost.max(f64::MIN_POSITIVE);
+        let tolerance = self.tolerances.cost.max(rounding);
+        if self.termination.is_none() && promised <= tolerance {
             self.termination = Some(Termination::Cost {
                 value: promised,
-                tolerance: self.tolerances.cost,
+                tolerance,
             });
         } else if self.termination.is_none() && relative <= self.tolerances.step {
             self.termination = Some(Termination::Step {

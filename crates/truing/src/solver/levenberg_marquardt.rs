@@ -267,7 +267,7 @@ where
             "Levenberg-Marquardt needs a starting point: configure(|state| state.param(x))"
         ))?;
         let current = problem.problem("linearize_count", |p| {
-            let current = Current::start(p, &x)?;
+            let mut current = Current::start(p, &x)?;
             self.termination =
                 current.look(p, &x, &mut self.scale, &mut self.step, &self.tolerances);
             Ok(current)
@@ -291,7 +291,7 @@ where
             Some(current) => current,
             // Resumed from a checkpoint: everything but the numbers is made again.
             None => problem.problem("linearize_count", |p| {
-                let current = Current::start(p, &x)?;
+                let mut current = Current::start(p, &x)?;
                 current.look(p, &x, &mut self.scale, &mut self.step, &self.tolerances);
                 Ok(current)
             })?,

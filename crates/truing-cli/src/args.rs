@@ -27,6 +27,8 @@ pub struct Arguments {
 pub enum Command {
     /// Calibrate robots from measurements.
     Calibrate(Calibrate),
+    /// Compare automatic, analytic and numeric Jacobians on a calibration file.
+    Check(Check),
     /// Make data by simulating robots with known errors.
     Simulate(Simulate),
 }
@@ -52,6 +54,15 @@ pub struct Calibrate {
     /// Stop after this many seconds with the best point so far.
     #[arg(long, value_name = "SECONDS", value_parser = clap::value_parser!(u64).range(1..))]
     pub timeout: Option<u64>,
+}
+
+/// Compare automatic, analytic and numeric Jacobians on a calibration file.
+///
+/// Exit status: 0 they agree; 1 they do not; 2 bad input.
+#[derive(Debug, Args)]
+pub struct Check {
+    /// Calibration file (TOML).
+    pub file: PathBuf,
 }
 
 /// Make data by simulating robots with known errors.

@@ -2,6 +2,7 @@
 
 mod args;
 mod calibrate;
+mod check;
 mod failure;
 mod output;
 mod report;
@@ -16,9 +17,9 @@ use std::process::ExitCode;
 
 /// How a command ended that ran to its end.
 pub enum Ending {
-    /// Converged: exit status 0.
+    /// Converged, or agrees: exit status 0.
     Good,
-    /// Did not converge or must not be trusted: exit status 1.
+    /// Did not converge, must not be trusted or does not agree: exit status 1.
     Untrusted,
 }
 
@@ -63,6 +64,7 @@ fn main() -> ExitCode {
     };
     let ending = match &arguments.command {
         Command::Calibrate(arguments) => calibrate::run(arguments, &streams),
+        Command::Check(arguments) => check::run(arguments, &streams),
         Command::Simulate(arguments) => simulate::run(arguments, &streams),
     };
     match ending {

@@ -21,7 +21,8 @@ pub fn number(x: f64) -> String {
     }
 }
 
-fn table(header: &[&str], left: &[usize]) -> Table {
+/// An empty table; columns whose number is in `left` are aligned left.
+pub fn table(header: &[&str], left: &[usize]) -> Table {
     let mut table = Table::new();
     table
         .load_preset(presets::NOTHING)
@@ -39,7 +40,8 @@ fn table(header: &[&str], left: &[usize]) -> Table {
     table
 }
 
-fn lines(table: &Table) -> String {
+/// A table as text, without spaces at the ends of lines.
+pub fn lines(table: &Table) -> String {
     table
         .lines()
         .map(|line| line.trim_end().to_owned() + "\n")

@@ -1,6 +1,7 @@
 //! Calibrations: robots, sets of measurements, what to estimate, and the result.
 
 mod assembly;
+mod check;
 mod data;
 mod doubt;
 mod form;
@@ -17,6 +18,7 @@ mod start;
 mod uncertainty;
 
 pub use assembly::{Assembly, Column, Owner, PlaneVar, State};
+pub use check::{ColumnCheck, SetCheck, Way, WayCheck};
 pub use form::{Form, Parts, PlaneChart, Plugin};
 pub(crate) use load::read_arms;
 pub use load::{load, load_with};

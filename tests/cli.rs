@@ -375,6 +375,9 @@ fn a_result_that_did_not_converge_exits_with_1_and_is_not_written() {
     assert_eq!(run.json()["termination"]["kind"], "max-iterations");
     assert_eq!(cell.read("out/result.json"), run.stdout);
     assert!(RobotFile::read(cell.path("out/robot.toml")).is_ok());
+    let run = cell.run(&[&SAVE[..], &["--force"]].concat());
+    assert_eq!(run.status, 1);
+    assert!(cell.read("out/robot.toml").contains("NOT TO BE TRUSTED"));
 }
 
 #[test]

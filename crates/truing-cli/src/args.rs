@@ -43,7 +43,7 @@ pub struct Calibrate {
     #[arg(short, long, value_name = "DIR")]
     pub output: Option<PathBuf>,
 
-    /// Write into a folder that is already there.
+    /// Write into a folder that is already there, and also if the result must not be trusted.
     #[arg(long)]
     pub force: bool,
 

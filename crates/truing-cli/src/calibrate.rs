@@ -37,14 +37,14 @@ pub fn run(arguments: &Calibrate, streams: &Streams) -> Result<Ending, Failure> 
     })?;
     result.push('\n');
     if let Some(folder) = &arguments.output {
-        if outcome.result.trusted || arguments.keep_untrusted {
+        if outcome.result.trusted || arguments.keep_untrusted || arguments.force {
             let written = output::write(folder, &files(&outcome, &arguments.file, &result)?)?;
             for path in written {
                 streams.say(&format!("wrote {}\n", path.display()));
             }
         } else {
             streams.say(&format!(
-                "nothing written to {}: the result must not be trusted; write it all the same with --keep-untrusted\n",
+                "nothing written to {}: the result must not be trusted; write it all the same with --keep-untrusted or --force\n",
                 folder.display()
             ));
         }

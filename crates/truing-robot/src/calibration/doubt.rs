@@ -1,8 +1,12 @@
 //! What makes a result doubtful, in words.
 
+use super::assembly::{Assembly, State};
 use super::measurement::Measured;
+use super::prediction::Prediction;
 use super::result::SetResult;
 use super::run::{Calibration, Fitted};
+use super::select::Choice;
+use super::uncertainty::Uncertainty;
 use crate::kinematics::Unit;
 
 impl Calibration {
@@ -75,30 +79,129 @@ impl Calibration {
                 ));
             }
         }
-        let mut moved = Vec::new();
-        for (arm, (nominal, estimate)) in self
-            .arms
-            .iter()
-            .zip(fitted.nominal.robots.iter().zip(&fitted.estimated.robots))
-        {
-            for (parameter, (nominal, estimate)) in nominal.iter().zip(estimate).enumerate() {
-                let change = estimate - nominal;
-                let (limit, text) = match arm.robot.parameters()[parameter].unit() {
-                    Unit::Radian => (0.1, format!("{:+.2}°", change.to_degrees())),
-                    Unit::Meter => (0.05, format!("{:+.1} mm", change * 1e3)),
-                    Unit::One => (0.05, format!("{change:+.3}")),
+    }
+
+    /// What the covariance says of the tool beside what the calibration changed.
+    pub(super) fn doubt_predictions(&self, all: &[Prediction], warnings: &mut Vec<String>) {
+        for p in all {
+            // The change is the error of the nominal robot and that of the estimate together.
+            let error_of_nominal = (p.change * p.change - p.sigma * p.sigma).max(0.0).sqrt();
+            if p.sigma <= error_of_nominal || p.sigma <= HARMLESS * p.noise {
+                continue;
+            }
+            let arm = &self.arms[p.robot];
+            warnings.push(format!(
+                "{DISTRUST}the data leave the tool of {} uncertain by {} mm RMS where it was measured (1 σ), and the \
+                 calibration moved it by {} mm: the registered nominal robot is expected to predict better; measure \
+                 more, or add a `prior` about nominal",
+                if arm.name.is_empty() { arm.robot.name() } else { &arm.name },
+                millimetres(p.sigma),
+                millimetres(p.change)
+            ));
+        }
+    }
+
+    /// Parameters that moved far, and those of them that the data hardly determine.
+    pub(super) fn doubt_moves(
+        &self,
+        estimated: &State,
+        assembly: &Assembly,
+        uncertainty: &Uncertainty,
+        warnings: &mut Vec<String>,
+    ) {
+        let (mut weak, mut far) = (Vec::new(), Vec::new());
+        for (r, arm) in self.arms.iter().enumerate() {
+            let first = assembly.robot(r).column();
+            for (k, parameter) in arm.robot.parameters().iter().enumerate() {
+                let change = estimated.robots[r][k] - parameter.nominal;
+                let sigma = uncertainty.std_dev(first + k);
+                let (limit, text): (f64, &dyn Fn(f64) -> String) = match parameter.unit() {
+                    Unit::Radian => (0.1, &|x| format!("{:.2}°", x.to_degrees())),
+                    Unit::Meter => (0.05, &|x| format!("{:.1} mm", x * 1e3)),
+                    Unit::One => (0.05, &|x| format!("{x:.3}")),
                 };
-                if change.abs() > limit {
-                    moved.push(format!("{} {text}", arm.parameter_name(parameter)));
+                let sign = if change < 0.0 { "−" } else { "+" };
+                let name = arm.parameter_name(k);
+                if change.abs() > 0.1 * limit && sigma > WEAK * change.abs() {
+                    weak.push(format!(
+                        "{name} {sign}{} ± {}",
+                        text(change.abs()),
+                        text(sigma)
+                    ));
+                } else if change.abs() > limit {
+                    far.push(format!("{name} {sign}{}", text(change.abs())));
                 }
             }
         }
-        if !moved.is_empty() {
+        if !weak.is_empty() {
             warnings.push(format!(
-                "far from nominal: {}; the data may determine this only weakly (see σ), or the robot file may be wrong",
-                shortened(&moved)
+                "moved far although the data determine it only weakly: {}; measure in more varied postures, or add a `prior`",
+                shortened(&weak)
             ));
         }
+        if !far.is_empty() {
+            warnings.push(format!(
+                "far from nominal: {}; the robot file may be wrong there",
+                shortened(&far)
+            ));
+        }
+    }
+
+    /// The estimate beside what its file said beforehand: priors and bounds.
+    pub(super) fn doubt_limits(
+        &self,
+        estimated: &State,
+        assembly: &Assembly,
+        choices: &[Choice],
+        warnings: &mut Vec<String>,
+    ) {
+        let is_estimated =
+            |r: usize, k: usize| choices[assembly.robot(r).column() + k] == Choice::Estimated;
+        let beyond: Vec<String> = self
+            .estimate
+            .priors
+            .iter()
+            .filter(|(r, k, _)| is_estimated(*r, *k))
+            .filter_map(|(r, k, sigma)| {
+                let nominal = self.arms[*r].robot.parameters()[*k].nominal;
+                let times = (estimated.robots[*r][*k] - nominal).abs() / sigma;
+                let name = self.arms[*r].parameter_name(*k);
+                (times > BEYOND).then(|| format!("{name} by {times:.1} σ"))
+            })
+            .collect();
+        if !beyond.is_empty() {
+            warnings.push(format!(
+                "the data contradict the `prior`: {}; the prior is too tight, or the measurements have errors that are \
+                 not in the model",
+                shortened(&beyond)
+            ));
+        }
+        let at_bounds: Vec<String> = self
+            .estimate
+            .bounds
+            .iter()
+            .filter(|(r, k, ..)| is_estimated(*r, *k))
+            .filter_map(|(r, k, ..)| {
+                let side = self.at_bound(*r, *k, estimated.robots[*r][*k])?;
+                Some(format!("{} ({side})", self.arms[*r].parameter_name(*k)))
+            })
+            .collect();
+        if !at_bounds.is_empty() {
+            warnings.push(format!(
+                "ended at a bound, beyond which the data would go: {}",
+                shortened(&at_bounds)
+            ));
+        }
+    }
+}
+
+/// A length in millimetres, in three digits or so.
+fn millimetres(length: f64) -> String {
+    let mm = length * 1e3;
+    if mm < 1.0 {
+        format!("{mm:.4}")
+    } else {
+        format!("{mm:.2}")
     }
 }
 
@@ -118,6 +221,16 @@ const NOTHING: f64 = 1e-6;
 /// The lengths of a robot's links may move by this share of their sum: no drawing is that wrong, but an
 /// arm that collapses onto a point moves by as much as it is long.
 const DEFORMED: f64 = 0.1;
+
+/// A tool that is uncertain by less than so many times the noise of its measurements is known well
+/// enough, however near to nominal it is.
+const HARMLESS: f64 = 2.0;
+
+/// A parameter whose standard deviation is more than this part of its change is weakly determined.
+const WEAK: f64 = 1.0 / 3.0;
+
+/// An estimate further from nominal than so many standard deviations of its prior contradicts it.
+const BEYOND: f64 = 4.0;
 
 /// A list in words, its first eight entries if it is longer.
 pub(super) fn shortened(all: &[String]) -> String {

@@ -9,6 +9,7 @@ mod load;
 mod measurement;
 mod names;
 mod predict;
+mod prediction;
 mod report;
 mod result;
 mod run;

@@ -254,6 +254,12 @@ impl Calibration {
             }
         };
         self.warn(&fitted, &constraints, &validation, &mut warnings);
+        if let Some(uncertainty) = &uncertainty {
+            let predictions = self.predictions(&fitted, &assembly, &choices, uncertainty);
+            self.doubt_predictions(&predictions, &mut warnings);
+            self.doubt_moves(&fitted.estimated, &assembly, uncertainty, &mut warnings);
+        }
+        self.doubt_limits(&fitted.estimated, &assembly, &choices, &mut warnings);
         let anchors: Vec<&str> = (0..choices.len())
             .filter(|c| matches!(choices[*c], Choice::Anchor(_)))
             .map(|c| assembly.columns[c].name.as_str())

@@ -1,0 +1,214 @@
+//! How well a calibrated robot can be expected to predict its tool, from the covariance alone.
+
+use super::assembly::{Assembly, Owner};
+use super::measurement::{Measured, MeasurementSet};
+use super::run::{Calibration, Fitted};
+use super::select::Choice;
+use super::start::rigid_registration;
+use super::uncertainty::Uncertainty;
+use crate::kinematics::{DifferentiateChain, FrameWise, Regressor};
+use truing::nalgebra::{DMatrix, Vector3};
+
+/// The tool of one robot where it was measured, up to a rigid motion of every set of measurements
+/// (and the scale, if that is free).
+pub(super) struct Prediction {
+    /// The robot.
+    pub robot: usize,
+    /// RMS standard deviation of the tool point \[m\].
+    pub sigma: f64,
+    /// RMS distance between the tool points of the calibrated and of the nominal robot \[m\].
+    pub change: f64,
+    /// RMS noise of what was measured \[m\].
+    pub noise: f64,
+}
+
+/// Tool points of a robot in one set: of the estimated robot, of the nominal one, and the
+/// derivatives of the first by some columns (3 × points, columns).
+struct Tips {
+    estimated: Vec<Vector3<f64>>,
+    nominal: Vec<Vector3<f64>>,
+    derivatives: DMatrix<f64>,
+}
+
+impl Calibration {
+    /// The expected error of the calibrated robots beside what the calibration changed, one entry for
+    /// each robot that has estimated parameters.
+    ///
+    /// With G the derivatives of all tool points by the estimated columns, C their covariance and P
+    /// the projection that takes rigid motions (and scale) out, σ² = trace(P G C Gᵀ P) / points.
+    /// Each set has its own motion: where its sensor and its tool point are says nothing of the robot.
+    pub(super) fn predictions(
+        &self,
+        fitted: &Fitted,
+        assembly: &Assembly,
+        choices: &[Choice],
+        uncertainty: &Uncertainty,
+    ) -> Vec<Prediction> {
+        let scaled = choices.iter().any(|c| matches!(c, Choice::Anchor(_)));
+        let sigma0 = if uncertainty.sigma0.is_finite() {
+            uncertainty.sigma0
+        } else {
+            1.0
+        };
+        let mut predictions = Vec::new();
+        for robot in 0..self.arms.len() {
+            let own = |c: &usize| match &assembly.columns[*c].owner {
+                Owner::Parameter { robot: r, .. } | Owner::Target(r, _) => *r == robot,
+                _ => false,
+            };
+            let columns: Vec<usize> = (0..choices.len())
+                .filter(|c| choices[*c] == Choice::Estimated)
+                .filter(own)
+                .collect();
+            if columns.is_empty() {
+                continue;
+            }
+            let c = DMatrix::from_fn(columns.len(), columns.len(), |i, k| {
+                uncertainty.covariance.entry(columns[i], columns[k])
+            });
+            let (mut variance, mut change, mut noise, mut points) = (0.0, 0.0, 0.0, 0.0);
+            for set in &self.sets {
+                for tips in self.tool_points(robot, set, fitted, assembly, &columns) {
+                    let generators = motions(&tips.estimated, scaled);
+                    let g = without(&generators, &tips.derivatives);
+                    variance += (&g * &c).component_mul(&g).sum();
+                    // Registered first: what is left is small enough for the projection.
+                    let motion = rigid_registration(&tips.nominal, &tips.estimated);
+                    let pairs = tips.nominal.iter().zip(&tips.estimated);
+                    let moved: Vec<f64> = pairs
+                        .flat_map(|(n, t)| {
+                            let moved = t - motion.apply(n);
+                            [moved.x, moved.y, moved.z]
+                        })
+                        .collect();
+                    let moved = DMatrix::from_vec(moved.len(), 1, moved);
+                    change += without(&generators, &moved).norm_squared();
+                    points += tips.estimated.len() as f64;
+                    let sigmas = set.sigma.iter().map(|s| s.position * s.position);
+                    noise += sigmas.sum::<f64>();
+                }
+            }
+            if points > 0.0 {
+                predictions.push(Prediction {
+                    robot,
+                    sigma: (variance.max(0.0) / points).sqrt() * sigma0,
+                    change: (change / points).sqrt(),
+                    noise: (noise / points).sqrt() * sigma0,
+                });
+            }
+        }
+        predictions
+    }
+
+    /// The tool points of a robot in a set: one group, or two where it takes two postures.
+    fn tool_points(
+        &self,
+        robot: usize,
+        set: &MeasurementSet,
+        fitted: &Fitted,
+        assembly: &Assembly,
+        columns: &[usize],
+    ) -> Vec<Tips> {
+        let chain = &self.arms[robot].robot;
+        let (estimated, nominal) = (&fitted.estimated, &fitted.nominal);
+        let mut groups = Vec::new();
+        let mut regressor = Regressor::default();
+        for (postures, target) in postures(set, robot) {
+            if postures.len() < 3 {
+                continue;
+            }
+            let key = target.map(|name| (robot, name.clone()));
+            // The point on the tool is that of the estimate for both robots.
+            let point = key
+                .as_ref()
+                .and_then(|key| estimated.targets.get(key))
+                .copied()
+                .unwrap_or_default();
+            let var = key.as_ref().and_then(|key| assembly.target(robot, &key.1));
+            let (mut tips, mut before, mut rows) = (Vec::new(), Vec::new(), Vec::new());
+            for q in postures.iter().step_by(postures.len().div_ceil(ENOUGH)) {
+                FrameWise.regressor(chain, &estimated.robots[robot], q, &mut regressor);
+                let tip = regressor.tool.apply(&point);
+                rows.extend(
+                    columns
+                        .iter()
+                        .map(|column| match &assembly.columns[*column].owner {
+                            Owner::Parameter { parameter, .. } => {
+                                regressor.twists[*parameter].at(&tip)
+                            }
+                            _ => match var.map(|var| column.wrapping_sub(var.column())) {
+                                Some(k) if k < 3 => regressor.tool.rotation.column(k).into_owned(),
+                                _ => Vector3::zeros(),
+                            },
+                        }),
+                );
+                tips.push(tip);
+                before.push(chain.forward(&nominal.robots[robot], q).apply(&point));
+            }
+            let derivatives = DMatrix::from_fn(3 * tips.len(), columns.len(), |row, column| {
+                rows[row / 3 * columns.len() + column][row % 3]
+            });
+            groups.push(Tips {
+                estimated: tips,
+                nominal: before,
+                derivatives,
+            });
+        }
+        groups
+    }
+}
+
+/// The postures of a robot in a set, with the name of the tool point.
+fn postures(set: &MeasurementSet, robot: usize) -> Vec<(&[Vec<f64>], Option<&String>)> {
+    let mut all = Vec::new();
+    if set.robot == robot {
+        all.push((&set.q[..], set.target.as_ref()));
+    }
+    if let Measured::Distance { other, q_b, .. } = &set.measured
+        && other.unwrap_or(set.robot) == robot
+    {
+        let target = match other {
+            Some(_) => set.other_target.as_ref(),
+            None => set.target.as_ref(),
+        };
+        all.push((&q_b[..], target));
+    }
+    all
+}
+
+/// So many postures of a set tell how well a tool is known.
+const ENOUGH: usize = 1000;
+
+/// Velocities of points in the rigid motions of space and, if asked for, in its growth; one column a
+/// motion.
+fn motions(points: &[Vector3<f64>], scaled: bool) -> DMatrix<f64> {
+    let center = points.iter().sum::<Vector3<f64>>() / points.len() as f64;
+    let count = if scaled { 7 } else { 6 };
+    DMatrix::from_fn(3 * points.len(), count, |row, motion| {
+        let p = points[row / 3] - center;
+        let velocity = match motion {
+            0..3 => Vector3::ith(motion, 1.0),
+            3..6 => Vector3::ith(motion - 3, 1.0).cross(&p),
+            _ => p,
+        };
+        velocity[row % 3]
+    })
+}
+
+/// What is left of columns after projection onto others.
+fn without(others: &DMatrix<f64>, columns: &DMatrix<f64>) -> DMatrix<f64> {
+    let svd = others.clone().svd(true, false);
+    let Some(u) = svd.u else {
+        return columns.clone();
+    };
+    let largest = svd.singular_values.max();
+    let mut left = columns.clone();
+    for (k, value) in svd.singular_values.iter().enumerate() {
+        if *value > 1e-9 * largest {
+            let direction = u.column(k);
+            let along = direction.transpose() * &left;
+            left -= direction * along;
+        }
+    }
+    left
+}

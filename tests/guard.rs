@@ -1,0 +1,116 @@
+//! What a calibration says of a result that should not be believed, or not quite.
+
+#[path = "support/puma.rs"]
+mod puma;
+
+use puma::{Scene, What, puma, table};
+use truing_robot::calibration::{Arm, CalibrationResult};
+
+fn scene(what: &What, count: usize, sigma: f64) -> Scene {
+    Scene::perturbed(vec![Arm::only(puma())], 5, |_, p| {
+        !puma().parameters()[p].name.starts_with('K')
+    })
+    .measure(what, count, sigma)
+}
+
+#[track_caller]
+fn says(result: &CalibrationResult, words: &str) -> bool {
+    let said = result.warnings.iter().any(|w| w.contains(words));
+    println!("{:?}", result.warnings);
+    said
+}
+
+/// A robot that is nominal, touches that are noisy: the estimate is worse than nominal, and nothing
+/// but the covariance can tell.
+#[test]
+fn a_covariance_worse_than_the_change_is_not_trusted() {
+    let plane = What::UnknownPlane(vec![table()]);
+    let mut distrusted = 0;
+    for seed in 1..=20 {
+        let nominal = Scene::nominal(vec![Arm::only(puma())], seed).measure(&plane, 40, 1e-3);
+        let result = nominal.calibrate(false).result;
+        assert!(result.termination.converged);
+        distrusted += usize::from(says(&result, "expected to predict better"));
+        assert!(!result.trusted || !says(&result, "expected to predict better"));
+    }
+    assert!(distrusted >= 15, "{distrusted} of 20");
+    // Many touches of a robot that is off by a millimetre and 0.3° are another matter.
+    let result = scene(&plane, 200, 5e-5).calibrate(false).result;
+    assert!(result.trusted, "{:?}", result.warnings);
+    assert!(!says(&result, "expected to predict better"));
+}
+
+/// What the estimate adds to a robot that is nominal is within the noise of the tracker: harmless.
+#[test]
+fn a_nearly_nominal_robot_measured_well_is_trusted() {
+    let nominal = Scene::nominal(vec![Arm::only(puma())], 4).measure(&What::Position, 50, 5e-5);
+    let result = nominal.calibrate(false).result;
+    assert!(result.trusted, "{:?}", result.warnings);
+}
+
+#[test]
+fn a_prior_that_the_data_contradict_is_named() {
+    let mut calibration = scene(&What::Position, 40, 5e-5).calibration(false);
+    let parameter = puma().parameter("d3").unwrap();
+    let off = calibration.arms[0].robot.parameters()[parameter].nominal;
+    calibration.estimate.priors = vec![(0, parameter, 1e-5)];
+    let outcome = calibration.run(&|_| {}).unwrap();
+    let moved = (outcome.state.robots[0][parameter] - off).abs();
+    assert_eq!(
+        says(&outcome.result, "the data contradict the `prior`: d3 by"),
+        moved > 4e-5,
+        "d3 moved by {moved:e}"
+    );
+    calibration.estimate.priors = vec![(0, parameter, 1e-2)];
+    let outcome = calibration.run(&|_| {}).unwrap();
+    assert!(!says(&outcome.result, "contradict"));
+}
+
+#[test]
+fn an_active_bound_is_named_with_its_side() {
+    let free = scene(&What::Position, 40, 5e-5);
+    let parameter = puma().parameter("d3").unwrap();
+    let outcome = free.calibrate(false);
+    let nominal = puma().parameters()[parameter].nominal;
+    let change = outcome.state.robots[0][parameter] - nominal;
+    assert!(change.abs() > 1e-4, "{change}");
+    let mut calibration = free.calibration(false);
+    calibration.estimate.bounds = vec![(0, parameter, -0.5 * change.abs(), 0.5 * change.abs())];
+    let outcome = calibration.run(&|_| {}).unwrap();
+    let side = if change < 0.0 { "lower" } else { "upper" };
+    assert!(says(&outcome.result, &format!("d3 ({side})")));
+}
+
+/// Unknown planes say nothing of the scale, so one length stays nominal and says that it does.
+#[test]
+fn what_holds_the_scale_is_said() {
+    let result = scene(&What::UnknownPlane(vec![table()]), 100, 5e-5)
+        .calibrate(false)
+        .result;
+    assert!(says(&result, "leave the scale free") && says(&result, "held by r6"));
+}
+
+/// Touches in a small corner say little of the robot: what moved far on such a base is named with
+/// its standard deviation.
+#[test]
+fn what_moved_far_on_weak_data_is_named_with_its_uncertainty() {
+    let mut narrow = scene(&What::Position, 60, 2e-4);
+    let middle = narrow.sets[0].q[0].clone();
+    for q in &mut narrow.sets[0].q {
+        for (q, m) in q.iter_mut().zip(&middle) {
+            *q = m + 0.05 * (*q - m);
+        }
+    }
+    // The readings of the true robot there.
+    let postures = narrow.sets[0].q.clone();
+    let robot = puma();
+    let truth = &narrow.truth.robots[0];
+    if let truing_robot::calibration::Measured::Position(points) = &mut narrow.sets[0].measured {
+        for (k, (point, q)) in points.iter_mut().zip(&postures).enumerate() {
+            let noise = 2e-4 * ((k * 7919) as f64).sin();
+            *point = robot.forward(truth, q).translation.add_scalar(noise);
+        }
+    }
+    let result = narrow.calibrate(false).result;
+    assert!(says(&result, "only weakly") || says(&result, "not determined by these data"));
+}

@@ -14,6 +14,7 @@ use std::time::Instant;
 use truing::manifold::{Plane, Plane3, Point3, Pose, Pose3, Vector};
 use truing::nalgebra::Vector3;
 use truing::{Batch, Constraint, LeastSquares, Linearization, Problem, Vars};
+use truing_planar::GeneralisedModel;
 use truing_robot::constraint::{Chain, Derivatives, MeasuredPose, Position, UnknownPlane};
 use truing_robot::file::RobotFile;
 use truing_robot::kinematics::Robot;
@@ -38,9 +39,11 @@ joint = [
 const CONFIGURATIONS: usize = 200;
 
 /// The ways to differentiate, the default first.
-fn ways() -> [(&'static str, Derivatives); 3] {
+fn ways() -> [(&'static str, Derivatives); 4] {
+    let analytic = Derivatives::Regressor(Arc::new(GeneralisedModel));
     [
         ("r and J, frame-wise AD", Derivatives::default()),
+        ("r and J, analytic columns", analytic),
         ("r and J, whole-chain AD in chunks", Derivatives::WholeChain),
         ("r and J, central differences", Derivatives::Numeric),
     ]

@@ -441,6 +441,60 @@ fn self_contact_with_a_few_tracker_rows() -> Result<(), Failed> {
     Ok(())
 }
 
+/// Every combination of planes, arms touching and ten tracker rows: the RMS over the other rows of the
+/// right arm's grid beside that of the registered nominal robot. `cargo test --test real_data
+/// combinations` prints it. Where the prediction is worse, the result must not be trusted.
+fn combinations() -> Result<(), Failed> {
+    let planes_text = "[[constraint]]\nkind = \"unknown-plane\"\nrobot = \"right\"\ngroup = [\"plane\", \"rep\"]\n\
+         target = \"ball\"\ndata = \"DATA/motoman_planes/plane_contacts.csv\"\nsigma = \"0.3 mm\"\nloss = \"huber(1.5)\"\n";
+    for (name, planes, contacts, rows, prior) in [
+        ("planes", true, false, false, false),
+        ("planes, prior", true, false, false, true),
+        ("planes, ten rows, prior", true, false, true, true),
+        ("contacts, prior", false, true, false, true),
+        ("contacts, ten rows, prior", false, true, true, true),
+        ("planes, contacts, prior", true, true, false, true),
+        ("planes, contacts, ten rows, prior", true, true, true, true),
+    ] {
+        let prior = if prior {
+            format!("prior = {{ {PRIOR}, \"left.base_a\" = \"1 m\", \"left.base_d\" = \"1 m\" }}")
+        } else {
+            String::new()
+        };
+        let all = arms(&format!("fixed = [\"K*\"]\n{prior}"));
+        let (head, distance) = all.split_once("[[constraint]]").unwrap_or_default();
+        let mut text = head.to_owned();
+        if contacts {
+            text += &format!("[[constraint]]{distance}");
+        }
+        if planes {
+            text += planes_text;
+        }
+        if rows {
+            few_rows(&mut text, "robot = \"right\"\n");
+        } else {
+            let mut both = String::new();
+            few_rows(&mut both, "robot = \"right\"\n");
+            let validate = both.find("[[validate]]").unwrap_or_default();
+            text += &both[validate..];
+        }
+        let result = calibrate(&ARMS, &text);
+        let (registered, after) = mm(&result.validation[0]);
+        println!(
+            "{name}: registered {registered:.3} mm, calibrated {after:.3} mm, {}",
+            if result.trusted {
+                "trusted"
+            } else {
+                "not trusted"
+            }
+        );
+        if after > 1.1 * registered {
+            assert!(!result.trusted, "{name}: {:?}", result.warnings);
+        }
+    }
+    Ok(())
+}
+
 /// The Panda's ball in two sockets 0.05 m apart: README 10.78 -> 0.253 mm and 9.05 -> 0.184 mm for
 /// one tool position, from a URDF with 48 parameters. Here a Khalil–Kleinfinger table, the same
 /// point, the distance of the sockets, and a prior (0.3 m, 0.3 rad) so weak that it only admits
@@ -587,6 +641,7 @@ fn main() -> ExitCode {
             self_contact_with_a_few_tracker_rows,
         ),
         trial("all_combined", all_combined),
+        trial("combinations", combinations),
         trial("panda_1_in_two_sockets", || {
             panda("panda_1", "front", 10.78, 0.253)
         }),

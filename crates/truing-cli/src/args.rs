@@ -29,6 +29,8 @@ pub enum Command {
     Calibrate(Calibrate),
     /// Compare automatic, analytic and numeric Jacobians on a calibration file.
     Check(Check),
+    /// Say what measurements can identify, and what they cannot see.
+    Identify(Identify),
     /// Make data by simulating robots with known errors.
     Simulate(Simulate),
 }
@@ -64,6 +66,67 @@ pub struct Check {
     /// Calibration file (TOML).
     pub file: PathBuf,
 }
+
+/// Say what measurements can identify, and what they cannot see.
+///
+/// Of a calibration file: what its constraints identify by structure (at random configurations that
+/// satisfy them exactly), and what its data excite. Of a robot file: what measurements of the kinds
+/// asked about would identify, at random configurations.
+///
+/// Exit status: 0 answered; 2 bad input.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  truing identify calibration.toml
+  truing identify robot.toml --kind unknown-plane
+  truing identify robot.toml --kind position --frame tracker --target reflector
+  truing identify robot.toml --plane 0,0,1,0.4 --plane 1,0,0,0.3 --planes 2
+  truing identify robot.toml --kind position --parameters all --preference r3")]
+pub struct Identify {
+    /// Calibration file or robot file (TOML).
+    pub file: PathBuf,
+
+    /// What would be measured: position, pose, known-plane, unknown-plane, same-point or distance;
+    /// once for each kind. Planes, points and distances are drawn within reach.
+    #[arg(long = "kind", value_name = "KIND", help_heading = ROBOT)]
+    pub kinds: Vec<String>,
+
+    /// Touches of a known plane, nx·x + ny·y + nz·z = d in metres; once for each plane.
+    #[arg(long = "plane", value_name = "NX,NY,NZ,D", allow_hyphen_values = true, help_heading = ROBOT)]
+    pub planes: Vec<String>,
+
+    /// How many random planes: unknown ones, or with `--kind known-plane` alone known ones.
+    #[arg(long = "planes", value_name = "N", value_parser = clap::value_parser!(u8).range(1..=20), help_heading = ROBOT)]
+    pub random_planes: Option<u8>,
+
+    /// Positions and poses are read in a sensor frame of this name, which is estimated too.
+    #[arg(long, value_name = "NAME", help_heading = ROBOT)]
+    pub frame: Option<String>,
+
+    /// What is measured is a tool point of this name, which is estimated too, not the tool origin.
+    #[arg(long, value_name = "NAME", help_heading = ROBOT)]
+    pub target: Option<String>,
+
+    /// Parameters in question, by names and patterns as in a calibration file (`all`, `base`, `tool`,
+    /// `gains`, `theta*`). All but the gains if left out; `all` has the gains too.
+    #[arg(long, value_name = "PATTERN", num_args = 1.., value_delimiter = ',', help_heading = ROBOT)]
+    pub parameters: Vec<String>,
+
+    /// Parameters that are fixed.
+    #[arg(long, value_name = "PATTERN", num_args = 1.., value_delimiter = ',', help_heading = ROBOT)]
+    pub fixed: Vec<String>,
+
+    /// Parameters to keep rather than others, the preferred first; the rest follow in the default order.
+    #[arg(long, value_name = "PATTERN", num_args = 1.., value_delimiter = ',', help_heading = ROBOT)]
+    pub preference: Vec<String>,
+
+    /// Seed of the random configurations.
+    #[arg(long)]
+    pub seed: Option<u64>,
+}
+
+/// Heading of arguments that a calibration file says itself.
+const ROBOT: &str = "For a robot file";
 
 /// Make data by simulating robots with known errors.
 #[derive(Debug, Args)]

@@ -4,9 +4,11 @@ mod args;
 mod calibrate;
 mod check;
 mod failure;
+mod identify;
 mod output;
 mod report;
 mod show;
+mod show_identify;
 mod simulate;
 
 use args::{Arguments, Command};
@@ -65,6 +67,7 @@ fn main() -> ExitCode {
     let ending = match &arguments.command {
         Command::Calibrate(arguments) => calibrate::run(arguments, &streams),
         Command::Check(arguments) => check::run(arguments, &streams),
+        Command::Identify(arguments) => identify::run(arguments, &streams),
         Command::Simulate(arguments) => simulate::run(arguments, &streams),
     };
     match ending {

@@ -52,6 +52,39 @@ pub fn random(limits: &[[f64; 2]], rng: &mut impl Rng) -> Vec<f64> {
         .collect()
 }
 
+/// A posture well inside the joint limits and away from singular ones, so that a location near the
+/// tool's can be reached too; the best of the draws if none is.
+pub fn dexterous(robot: &Robot, parameters: &[f64], rng: &mut impl Rng) -> Vec<f64> {
+    const DRAWS: usize = 100;
+    const ENOUGH: f64 = 0.1;
+    let inner: Vec<[f64; 2]> = limits(robot)
+        .into_iter()
+        .map(|[l, u]| [0.85 * l + 0.15 * u, 0.15 * l + 0.85 * u])
+        .collect();
+    let mut best = (f64::NEG_INFINITY, Vec::new());
+    let mut regressor = Regressor::default();
+    for _ in 0..DRAWS {
+        let q = random(&inner, rng);
+        FrameWise.regressor(robot, parameters, &q, &mut regressor);
+        let tip = regressor.tool.translation;
+        let jacobian = DMatrix::from_fn(6, q.len(), |row, joint| {
+            if row < 3 {
+                regressor.joint_velocity(robot, parameters, joint, &tip)[row]
+            } else {
+                regressor.joint_turn(robot, parameters, joint)[row - 3]
+            }
+        });
+        let smallest = jacobian.singular_values().min();
+        if smallest > best.0 {
+            best = (smallest, q);
+        }
+        if best.0 > ENOUGH {
+            break;
+        }
+    }
+    best.1
+}
+
 /// Moves `q` by damped minimum-norm Newton steps inside `limits` until every row of `condition` is
 /// below [`EXACT`]; `None` if that fails.
 ///

@@ -96,6 +96,16 @@ pub enum Owner {
     Constant,
 }
 
+impl Owner {
+    /// Whether it belongs to what was touched or visited, and to no robot or sensor.
+    pub fn is_local(&self) -> bool {
+        matches!(
+            self,
+            Self::Plane(..) | Self::Point(..) | Self::Location(..) | Self::Distance(_)
+        )
+    }
+}
+
 /// A column of the Jacobian.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Column {

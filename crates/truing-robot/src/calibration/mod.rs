@@ -5,26 +5,35 @@ mod check;
 mod data;
 mod doubt;
 mod form;
+mod identification;
+mod identify;
 mod load;
 mod measurement;
 mod names;
 mod predict;
 mod prediction;
+mod question;
 mod report;
 mod result;
 mod run;
 mod select;
 mod small_groups;
 mod start;
+mod symmetry;
 mod uncertainty;
 
 pub use assembly::{Assembly, Column, Owner, PlaneVar, State};
 pub use check::{ColumnCheck, SetCheck, Way, WayCheck};
 pub use form::{Form, Parts, PlaneChart, Plugin};
+pub use identification::{
+    DataAnswer, Gap, Identification, Identified, Indices, RankOf, Scaling, Step,
+};
+pub use identify::Question;
 pub(crate) use load::read_arms;
 pub use load::{load, load_with};
 pub use measurement::{Arm, Groups, Measured, MeasurementSet, Sigma};
 pub(crate) use names::{Names, in_unit_of};
+pub use question::{Asked, RobotQuestion};
 pub use result::{
     CalibrationResult, ErrorSeries, ErrorSummary, FrameEstimate, LocationEstimate, ParameterResult,
     PlaneEstimate, PointEstimate, SetResult, Status, TargetEstimate, TerminationReport,
@@ -32,3 +41,4 @@ pub use result::{
 pub use run::{Calibration, Estimate, Outcome, Stage};
 pub use select::{Choice, default_preference, in_order, select};
 pub use start::{best_fit_plane, rigid_registration, start};
+pub use symmetry::{Motion, Symmetry, direction};

@@ -36,12 +36,6 @@ impl Report<'_> {
             .collect()
     }
 
-    fn named(&self, into: &[(usize, f64)]) -> Vec<(String, f64)> {
-        into.iter()
-            .map(|(c, w)| (self.assembly.columns[*c].name.clone(), *w))
-            .collect()
-    }
-
     fn parameters(&self, state: &State) -> Vec<ParameterResult> {
         let arms = &self.calibration.arms;
         let mut results = Vec::new();
@@ -50,31 +44,9 @@ impl Report<'_> {
                 continue;
             };
             let p = &arms[robot].robot.parameters()[parameter];
-            let (status, into) = match &self.choices[column] {
-                Choice::Fixed => (Status::Fixed, None),
-                Choice::Estimated => (Status::Estimated, None),
-                Choice::NoEffect => (Status::NoEffect, None),
-                Choice::Unexcited => (Status::Unexcited, None),
-                Choice::Regrouped(into) => {
-                    let owner = |c: &usize| &self.assembly.columns[*c].owner;
-                    let gauge = into.iter().all(|(c, _)| {
-                        matches!(
-                            owner(c),
-                            Owner::Plane(..)
-                                | Owner::Point(..)
-                                | Owner::Location(..)
-                                | Owner::Distance(_)
-                        )
-                    });
-                    let status = if gauge {
-                        Status::Held
-                    } else {
-                        Status::Regrouped
-                    };
-                    (status, Some(self.named(into)))
-                }
-                Choice::Anchor(into) => (Status::Held, Some(self.named(into))),
-            };
+            let columns = &self.assembly.columns;
+            let status = self.choices[column].status(columns);
+            let into = self.choices[column].taken_over(columns);
             let estimate = state.robots[robot][parameter];
             let at_bound = self
                 .calibration

@@ -108,14 +108,14 @@ impl Calibration {
         }
     }
 
-    fn wants(&self, robot: usize, parameter: usize) -> bool {
+    pub(super) fn wants(&self, robot: usize, parameter: usize) -> bool {
         self.estimate
             .wanted
             .get(robot)
             .is_none_or(|wanted| wanted.get(parameter) == Some(&true))
     }
 
-    fn preference(&self) -> Vec<(usize, usize)> {
+    pub(super) fn preference(&self) -> Vec<(usize, usize)> {
         let mut order = self.estimate.preference.clone();
         for parameter in default_preference(&self.arms) {
             if !order.contains(&parameter) {
@@ -125,7 +125,7 @@ impl Calibration {
         order
     }
 
-    fn nominal(&self) -> Vec<Vec<f64>> {
+    pub(super) fn nominal(&self) -> Vec<Vec<f64>> {
         self.arms.iter().map(|arm| arm.robot.nominal()).collect()
     }
 
@@ -160,13 +160,7 @@ impl Calibration {
             ));
         }
 
-        // A base far from where its file puts it is where the registration found it. Otherwise the
-        // file knows better: a registration that the data hardly determine may wander.
-        let mut near = begin.clone();
-        let off = self.misfit(&begin)?;
-        if off > FAR && self.misfit(&registered)? < 0.5 * off {
-            near.clone_from(&registered);
-        }
+        let near = self.near(&begin, &registered)?;
 
         watch(Stage::Identifying);
         let wanted = in_order(&layout, &preference, |owner| match owner {
@@ -318,11 +312,19 @@ impl Calibration {
         })
     }
 
+    /// Where the estimate starts. A base far from where its file puts it is where the registration
+    /// found it. Otherwise the file knows better: a registration that the data hardly determine may wander.
+    pub(super) fn near(&self, begin: &State, registered: &State) -> Result<State, Error> {
+        let off = self.misfit(begin)?;
+        let far = off > FAR && self.misfit(registered)? < 0.5 * off;
+        Ok(if far { registered } else { begin }.clone())
+    }
+
     /// The nominal robot with frames, base, tool points, planes and points estimated.
     ///
     /// Where a plane or point is out of reach of the robot as its file places it, positions and poses
     /// place it first.
-    fn register(
+    pub(super) fn register(
         &self,
         begin: &State,
         preference: &[(usize, usize)],

@@ -1,7 +1,8 @@
 //! Which columns can be estimated: structure first, then what the data excite.
 
-use super::assembly::{Assembly, Owner, State};
+use super::assembly::{Assembly, Column, Owner, State};
 use super::measurement::{Arm, Measured, MeasurementSet};
+use super::result::Status;
 use crate::constraint::Derivatives;
 use crate::error::Error;
 use crate::kinematics::ParameterKind;
@@ -15,7 +16,7 @@ use truing::{LeastSquares, Linearization, Loss, step};
 
 /// What is left of a scaled column at configurations that satisfy the constraints exactly: true
 /// rank keeps about 1e-2, a dependent column about 1e-16; tables written to five digits in between.
-const STRUCTURE: f64 = 1e-5;
+pub(super) const STRUCTURE: f64 = 1e-5;
 
 /// What is left of a scaled column at the data's own configurations, below which they do not move it.
 const EXCITATION: f64 = 1e-7;
@@ -29,16 +30,24 @@ const EXCITED_WELL: f64 = 0.3;
 const WEAKEST: f64 = 0.1;
 
 /// How many rows of measurements each set of the structural twin has, about.
-const POSTURES: usize = 120;
+pub(super) const POSTURES: usize = 120;
+
+/// How many rows each group of a set has at least.
+pub(super) const LEAST: usize = 12;
+
+/// Seed of the structural twin, unless another is asked for.
+pub(super) const SEED: u64 = 1996;
 
 /// The structural twin of a calibration: sets like the given ones, at random postures that satisfy
 /// their constraints exactly at `state`, where rank is a property of the robot and not of the noise.
 /// Half of the postures start between the joint limits, half near the data's own, so that a plane
-/// in a corner of the workspace is reached too. The same data always give the same twin.
-fn structural_twin(
+/// in a corner of the workspace is reached too. Each group has `least` rows or more. The same data and seed always give the same twin.
+pub(super) fn structural_twin(
     arms: &[Arm],
     sets: &[MeasurementSet],
     state: &State,
+    seed: u64,
+    least: usize,
 ) -> Result<Vec<MeasurementSet>, Error> {
     let twin = |(k, set): (usize, &MeasurementSet)| {
         let groups = set
@@ -46,11 +55,11 @@ fn structural_twin(
             .groups()
             .map_or(1, |groups| groups.names.len().max(1));
         let sampling = Sampling {
-            count: POSTURES.div_ceil(groups).max(12),
+            count: POSTURES.div_ceil(groups).max(least),
             noise: None,
             near: Some(set),
         };
-        let mut rng = ChaCha8Rng::seed_from_u64(1996 + k as u64);
+        let mut rng = ChaCha8Rng::seed_from_u64(seed.wrapping_add(k as u64));
         // Structure knows no noise: all sets weigh the same.
         let set = MeasurementSet {
             sigma: Vec::new(),
@@ -78,8 +87,39 @@ pub enum Choice {
     Unexcited,
 }
 
+impl Choice {
+    /// What becomes of a robot's parameter, among these columns.
+    pub fn status(&self, columns: &[Column]) -> Status {
+        match self {
+            Self::Fixed => Status::Fixed,
+            Self::Estimated => Status::Estimated,
+            Self::NoEffect => Status::NoEffect,
+            Self::Unexcited => Status::Unexcited,
+            Self::Anchor(_) => Status::Held,
+            // What only planes, points and distances take over moves everything along.
+            Self::Regrouped(into) => {
+                let local = |(c, _): &(usize, f64)| columns[*c].owner.is_local();
+                if into.iter().all(local) {
+                    Status::Held
+                } else {
+                    Status::Regrouped
+                }
+            }
+        }
+    }
+
+    /// What takes over, by name and coefficient.
+    pub fn taken_over(&self, columns: &[Column]) -> Option<Vec<(String, f64)>> {
+        let (Self::Regrouped(into) | Self::Anchor(into)) = self else {
+            return None;
+        };
+        let named = |(c, w): &(usize, f64)| (columns[*c].name.clone(), *w);
+        Some(into.iter().map(named).collect())
+    }
+}
+
 /// The Jacobian of an assembly, compressed to the triangle of its QR: same column geometry, few rows.
-fn compressed(assembly: &Assembly, wanted: &[usize]) -> DMatrix<f64> {
+pub(super) fn compressed(assembly: &Assembly, wanted: &[usize]) -> DMatrix<f64> {
     let mut lin = Linearization::new(assembly.problem.structure());
     assembly
         .problem
@@ -103,22 +143,25 @@ pub fn select(
     wanted: &[usize],
     with_prior: &[usize],
 ) -> Result<Vec<Choice>, Error> {
-    // A robust loss would weigh rows by how far the start is off.
-    let plain: Vec<MeasurementSet> = sets
-        .iter()
-        .map(|set| MeasurementSet {
-            loss: Loss::Trivial,
-            ..set.clone()
-        })
-        .collect();
-    let data = Assembly::new(arms, &plain, state, derivatives)?;
-    let twin_sets = structural_twin(arms, sets, state)?;
-    let twin = Assembly::new(arms, &twin_sets, state, derivatives)?;
-    let mut choices = vec![Choice::Fixed; data.columns.len()];
+    let twin = structural_twin(arms, sets, state, SEED, LEAST)?;
+    let choices = structure(arms, &twin, state, derivatives, wanted)?;
+    excited(arms, sets, state, derivatives, choices, wanted, with_prior)
+}
+
+/// What the structure allows: every column decided about at sets that satisfy their constraints exactly.
+pub(super) fn structure(
+    arms: &[Arm],
+    twin_sets: &[MeasurementSet],
+    state: &State,
+    derivatives: &Derivatives,
+    wanted: &[usize],
+) -> Result<Vec<Choice>, Error> {
+    let twin = Assembly::new(arms, twin_sets, state, derivatives)?;
+    let mut choices = vec![Choice::Fixed; twin.columns.len()];
     let order: Vec<usize> = (0..wanted.len()).collect();
     let structure = compressed(&twin, wanted);
     let base = base_columns(&structure, &order, STRUCTURE);
-    let anchors = scale_anchors(arms, &twin_sets, state, &twin, &structure, wanted, &base)?;
+    let anchors = scale_anchors(arms, twin_sets, state, &twin, &structure, wanted, &base)?;
     for (k, (status, column)) in base.into_iter().zip(wanted).enumerate() {
         choices[*column] = match status {
             ColumnStatus::Identifiable => Choice::Estimated,
@@ -133,6 +176,28 @@ pub fn select(
             }
         };
     }
+    Ok(choices)
+}
+
+/// What these data leave of what the structure allows: the rest becomes [`Choice::Unexcited`].
+pub(super) fn excited(
+    arms: &[Arm],
+    sets: &[MeasurementSet],
+    state: &State,
+    derivatives: &Derivatives,
+    mut choices: Vec<Choice>,
+    wanted: &[usize],
+    with_prior: &[usize],
+) -> Result<Vec<Choice>, Error> {
+    // A robust loss would weigh rows by how far the start is off.
+    let plain: Vec<MeasurementSet> = sets
+        .iter()
+        .map(|set| MeasurementSet {
+            loss: Loss::Trivial,
+            ..set.clone()
+        })
+        .collect();
+    let data = Assembly::new(arms, &plain, state, derivatives)?;
     let mut kept: Vec<usize> = wanted
         .iter()
         .copied()

@@ -441,6 +441,21 @@ impl Robot {
         }
     }
 
+    /// Where the axis of joint 1 is nominally that of the reference frame (α₁ = d₁ = β₁ = 0): the
+    /// pairs θ₀, θ₁ and r₀, r₁, each of which does what the other does. Empty elsewhere.
+    pub fn aligned_with_base(&self) -> Vec<(usize, usize)> {
+        use ParameterKind::{Alpha, Beta, LengthX, LengthZ, Theta};
+        let of = |kind: ParameterKind, frame: usize| {
+            (0..self.parameters.len()).find(|k| self.khalil_frame(*k) == (kind, frame))
+        };
+        let zero = |kind| of(kind, 1).is_none_or(|k| self.parameters[k].nominal.abs() < 1e-9);
+        if ![Alpha, LengthX, Beta].into_iter().all(zero) {
+            return Vec::new();
+        }
+        let pair = |kind| of(kind, 0).zip(of(kind, 1));
+        [Theta, LengthZ].into_iter().filter_map(pair).collect()
+    }
+
     /// All parameters in the default order of preference, those kept first first.
     pub fn default_preference(&self) -> Vec<usize> {
         let mut order: Vec<usize> = (0..self.parameters.len()).collect();

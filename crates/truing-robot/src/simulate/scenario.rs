@@ -8,14 +8,14 @@ use crate::error::Error;
 use crate::file::{
     ErrorSpec, InputError, Kind, PlacesSpec, RobotFile, SigmaSpec, SimulationFile, SimulationSpec,
 };
-use crate::kinematics::{DifferentiateChain, FrameWise, Regressor, Robot, Unit};
+use crate::kinematics::{Robot, Unit};
 use crate::posture;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{StandardNormal, StandardUniform};
 use std::fmt::Write;
 use truing::manifold::{Plane, Pose};
-use truing::nalgebra::{DMatrix, Vector3};
+use truing::nalgebra::Vector3;
 
 /// Simulated data, ready to be written.
 #[derive(Debug, Clone)]
@@ -188,7 +188,7 @@ fn template(
     let arm = &arms[robot];
     let mut somewhere = || {
         let q = if spec.kind == Kind::SameLocation {
-            dexterous(arm, &truth.robots[robot], rng)
+            posture::dexterous(&arm.robot, &truth.robots[robot], rng)
         } else {
             posture::random(&posture::limits(&arm.robot), rng)
         };
@@ -289,39 +289,6 @@ fn template(
     set.target = spec.target.as_ref().map(|t| t.value.clone());
     set.frame = spec.frame.as_ref().map(|f| f.value.clone());
     Ok(set)
-}
-
-/// A posture well inside the joint limits and away from singular ones, so that a location near the
-/// tool's can be reached too; the best of the draws if none is.
-fn dexterous(arm: &Arm, parameters: &[f64], rng: &mut ChaCha8Rng) -> Vec<f64> {
-    const DRAWS: usize = 100;
-    const ENOUGH: f64 = 0.1;
-    let inner: Vec<[f64; 2]> = posture::limits(&arm.robot)
-        .into_iter()
-        .map(|[l, u]| [0.85 * l + 0.15 * u, 0.15 * l + 0.85 * u])
-        .collect();
-    let mut best = (f64::NEG_INFINITY, Vec::new());
-    let mut regressor = Regressor::default();
-    for _ in 0..DRAWS {
-        let q = posture::random(&inner, rng);
-        FrameWise.regressor(&arm.robot, parameters, &q, &mut regressor);
-        let tip = regressor.tool.translation;
-        let jacobian = DMatrix::from_fn(6, q.len(), |row, joint| {
-            if row < 3 {
-                regressor.joint_velocity(&arm.robot, parameters, joint, &tip)[row]
-            } else {
-                regressor.joint_turn(&arm.robot, parameters, joint)[row - 3]
-            }
-        });
-        let smallest = jacobian.singular_values().min();
-        if smallest > best.0 {
-            best = (smallest, q);
-        }
-        if best.0 > ENOUGH {
-            break;
-        }
-    }
-    best.1
 }
 
 /// Refuses a frame or tool point that two constraints put at different places.

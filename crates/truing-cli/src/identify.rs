@@ -1,0 +1,200 @@
+//! `truing identify`.
+
+use crate::args::Identify;
+use crate::failure::Failure;
+use crate::{Ending, Streams, show_identify};
+use std::path::Path;
+use truing::manifold::Plane;
+use truing_planar::Planar;
+use truing_robot::Robot;
+use truing_robot::calibration::{Asked, Identification, RobotQuestion, load_with};
+use truing_robot::file::{
+    CalibrationFile, Document, InputError, Kind, PlaneSpec, RobotFile, Source, nearest,
+};
+
+/// Answers what a calibration file, or kinds of measurements of a robot, identify.
+pub fn run(arguments: &Identify, streams: &Streams) -> Result<Ending, Failure> {
+    let answer = match file_kind(&arguments.file)? {
+        FileKind::Calibration => calibration(arguments)?,
+        FileKind::Robot => robot(arguments)?,
+    };
+    streams.say(&show_identify::answer(&answer));
+    if streams.json {
+        let json = serde_json::to_string_pretty(&answer).map_err(|e| {
+            Failure::new(
+                format!("cannot write the answer as JSON: {e}"),
+                "report this with the file",
+            )
+        })?;
+        streams.print(&(json + "\n"));
+    }
+    Ok(Ending::Good)
+}
+
+enum FileKind {
+    Calibration,
+    Robot,
+}
+
+/// What a file is, by its keys.
+fn file_kind(path: &Path) -> Result<FileKind, InputError> {
+    let source = Source::read(path)?;
+    let document = Document::parse(&source)?;
+    let root = document.root();
+    let has = |keys: &[&str]| keys.iter().any(|key| root.peek(key).is_some());
+    if has(&["errors", "seed"]) {
+        return Err(source
+            .error("this is a simulation file; expected a calibration or a robot")
+            .with_help(
+                "name the calibration that `truing simulate` wrote beside the data, or the robot file",
+            ));
+    }
+    if has(&["robot", "robots", "constraint", "estimate"]) {
+        return Ok(FileKind::Calibration);
+    }
+    if has(&["joint", "convention", "base", "tool"]) {
+        return Ok(FileKind::Robot);
+    }
+    Err(source
+        .error("this is neither a calibration ([robot], [[constraint]]) nor a robot ([[joint]])")
+        .with_help("name a calibration file or a robot file"))
+}
+
+fn calibration(arguments: &Identify) -> Result<Identification, Failure> {
+    let given = [
+        ("--kind", !arguments.kinds.is_empty(), "constraints"),
+        ("--plane", !arguments.planes.is_empty(), "constraints"),
+        ("--planes", arguments.random_planes.is_some(), "constraints"),
+        ("--frame", arguments.frame.is_some(), "constraints"),
+        ("--target", arguments.target.is_some(), "constraints"),
+        (
+            "--parameters",
+            !arguments.parameters.is_empty(),
+            "[estimate]",
+        ),
+        ("--fixed", !arguments.fixed.is_empty(), "[estimate]"),
+        (
+            "--preference",
+            !arguments.preference.is_empty(),
+            "[estimate]",
+        ),
+    ];
+    if let Some((flag, _, place)) = given.iter().find(|(_, given, _)| *given) {
+        return Err(Failure::new(
+            format!("{flag} is for a robot file; this is a calibration, whose {place} say it"),
+            format!("change it in the calibration file, or ask about the robot file with {flag}"),
+        )
+        .about(&arguments.file));
+    }
+    let calibration = load_with(&CalibrationFile::read(&arguments.file)?, &[&Planar])?;
+    let answer = calibration.identify(arguments.seed);
+    answer.map_err(|e| Failure::from(e).about(&arguments.file))
+}
+
+fn robot(arguments: &Identify) -> Result<Identification, Failure> {
+    let robot = Robot::new(&RobotFile::read(&arguments.file)?);
+    let mut question = RobotQuestion::new(robot, asked(arguments)?);
+    question.parameters.clone_from(&arguments.parameters);
+    question.fixed.clone_from(&arguments.fixed);
+    question.preference.clone_from(&arguments.preference);
+    question.frame.clone_from(&arguments.frame);
+    question.target.clone_from(&arguments.target);
+    question.seed = arguments.seed.unwrap_or(question.seed);
+    let answer = question.question().and_then(|question| question.answer());
+    answer.map_err(|e| Failure::from(e).about(&arguments.file))
+}
+
+/// What would be measured, in the order asked: given planes where their kind is, or last.
+fn asked(arguments: &Identify) -> Result<Vec<Asked>, Failure> {
+    let mut kinds = Vec::new();
+    for name in &arguments.kinds {
+        let kind = kind(name)?;
+        if !kinds.contains(&kind) {
+            kinds.push(kind);
+        }
+    }
+    let mut given: Vec<Asked> = Vec::new();
+    for text in &arguments.planes {
+        given.push(Asked::KnownPlane(plane(text)?));
+    }
+    if !given.is_empty() && !kinds.contains(&Kind::KnownPlane) {
+        kinds.push(Kind::KnownPlane);
+    }
+    let random = usize::from(arguments.random_planes.unwrap_or(1));
+    let known_only = kinds.contains(&Kind::KnownPlane) && given.is_empty();
+    let unknown = kinds.contains(&Kind::UnknownPlane);
+    if arguments.random_planes.is_some() && !unknown && !known_only {
+        kinds.push(Kind::UnknownPlane);
+    }
+    if kinds.is_empty() {
+        return Err(Failure::new(
+            "it is not said what would be measured",
+            format!(
+                "add for instance --kind position; the kinds are {}",
+                names()
+            ),
+        )
+        .about(&arguments.file));
+    }
+    let mut asked = Vec::new();
+    for kind in kinds {
+        let count = match kind {
+            Kind::UnknownPlane => random,
+            Kind::KnownPlane if unknown => 1,
+            Kind::KnownPlane => random,
+            _ => 1,
+        };
+        match kind {
+            Kind::KnownPlane if !given.is_empty() => asked.append(&mut given),
+            _ => asked.extend(std::iter::repeat_n(Asked::Kind(kind), count)),
+        }
+    }
+    Ok(asked)
+}
+
+fn names() -> String {
+    Kind::ALL.map(Kind::name).join(", ")
+}
+
+fn kind(name: &str) -> Result<Kind, Failure> {
+    Kind::from_name(name).ok_or_else(|| {
+        let near = nearest(name, Kind::ALL.map(Kind::name));
+        Failure::new(
+            format!("--kind: there is no kind `{name}`"),
+            match near {
+                Some(near) => format!("did you mean `{near}`?"),
+                None => format!("the kinds are {}", names()),
+            },
+        )
+    })
+}
+
+/// `NX,NY,NZ,D`: the points p with n·p = d; the normal need not be of length one.
+fn plane(text: &str) -> Result<Plane<f64>, Failure> {
+    let refuse = |what: &str| {
+        Failure::new(
+            format!("--plane: found `{text}`; expected {what}"),
+            "write nx,ny,nz,d for the plane nx·x + ny·y + nz·z = d in metres, like --plane 0,0,1,0.4",
+        )
+    };
+    let numbers: Vec<f64> = text
+        .split(',')
+        .map(|part| part.trim().parse())
+        .collect::<Result<_, _>>()
+        .map_err(|_| refuse("four numbers"))?;
+    let [x, y, z, distance] = numbers[..] else {
+        return Err(refuse("four numbers"));
+    };
+    let spec = PlaneSpec::NormalDistance {
+        normal: [x, y, z],
+        distance,
+    };
+    let (normal, distance) = spec.normalised();
+    if !distance.is_finite() || normal.iter().any(|n| !n.is_finite()) {
+        return Err(refuse("finite numbers and a normal that is not zero"));
+    }
+    Ok(Plane {
+        normal: normal.into(),
+        distance,
+    })
+}

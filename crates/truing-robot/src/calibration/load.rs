@@ -1,6 +1,7 @@
 //! From a calibration file, its robot files and its data to a [`Calibration`].
 
 use super::data::{Data, known_plane};
+use super::far::Strategy;
 use super::form::{Form, Plugin};
 use super::measurement::{Arm, Measured, MeasurementSet};
 use super::names::{Names, in_unit_of, listed, plain};
@@ -9,7 +10,8 @@ use crate::constraint::Derivatives;
 use crate::error::Error;
 use crate::file::{
     BoundSpec, CalibrationFile, ConstraintSpec, DistanceSpec, InputError, JacobianKind, Kind,
-    LossSpec, Quantity, RobotFile, RobotRef, SigmaSpec, SolverKind, Source, Spanned, Table,
+    LossSpec, Quantity, RobotFile, RobotRef, SigmaSpec, SolverKind, Source, Spanned, StrategyKind,
+    Table,
 };
 use crate::kinematics::{Robot, Unit};
 use std::collections::BTreeMap;
@@ -269,6 +271,10 @@ fn estimate(
         priors: priors.into_iter().map(|((r, p), s)| (r, p, s)).collect(),
         preference,
         derivatives,
+        strategy: match spec.strategy {
+            StrategyKind::Auto => Strategy::Auto,
+            StrategyKind::Direct => Strategy::Direct,
+        },
         settings: Settings {
             method,
             tolerances,

@@ -4,6 +4,7 @@ mod assembly;
 mod check;
 mod data;
 mod doubt;
+mod far;
 mod form;
 mod identification;
 mod identify;
@@ -20,10 +21,12 @@ mod select;
 mod small_groups;
 mod start;
 mod symmetry;
+mod tempered;
 mod uncertainty;
 
 pub use assembly::{Assembly, Column, Owner, PlaneVar, State};
 pub use check::{ColumnCheck, SetCheck, Way, WayCheck};
+pub use far::Strategy;
 pub use form::{Form, Parts, PlaneChart, Plugin};
 pub use identification::{
     DataAnswer, Gap, Identification, Identified, Indices, RankOf, Scaling, Step,

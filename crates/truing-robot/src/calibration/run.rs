@@ -2,6 +2,7 @@
 
 use super::assembly::{Assembly, Owner, State};
 use super::doubt::{DISTRUST, shortened};
+use super::far::Strategy;
 use super::measurement::{Arm, Measured, MeasurementSet};
 use super::report::Report;
 use super::result::{CalibrationResult, ErrorSeries, SetResult};
@@ -10,7 +11,7 @@ use super::start::{fit_eliminated, start};
 use crate::constraint::Derivatives;
 use crate::error::Error;
 use crate::file::RobotFile;
-use truing::{Settings, Solution, Termination, Values, solve};
+use truing::{LeastSquares, Settings, Solution, Termination, Values, solve, solve_from};
 
 /// What to estimate, and how.
 #[derive(Clone, Default)]
@@ -28,6 +29,8 @@ pub struct Estimate {
     pub derivatives: Derivatives,
     /// How the problem is solved.
     pub settings: Settings,
+    /// How it starts.
+    pub strategy: Strategy,
 }
 
 /// What a run is doing, for those who watch.
@@ -211,7 +214,8 @@ impl Calibration {
 
         watch(Stage::Estimating);
         let from = self.starting_state(&near, &choices, &layout);
-        let (assembly, estimated, solution) = self.solve_columns(&from, &choices, true)?;
+        let (assembly, estimated, solution) =
+            self.estimate_columns(&from, &choices, &mut warnings)?;
 
         watch(Stage::Validating);
         let fitted = Fitted {
@@ -410,6 +414,52 @@ impl Calibration {
         }
     }
 
+    /// The estimate: from a state, or from where a search finds that it should start.
+    fn estimate_columns(
+        &self,
+        from: &State,
+        choices: &[Choice],
+        warnings: &mut Vec<String>,
+    ) -> Result<(Assembly, State, Solution), Error> {
+        let assembly = self.columns_assembled(from, choices, true)?;
+        let Some(found) = self.far_start(from, &assembly, choices)? else {
+            return self.solve_assembled(assembly, true);
+        };
+        let initial = assembly.problem.initial();
+        let mut solution = solve_from(&assembly.problem, &found.values, &self.estimate.settings)?;
+        let mut r = vec![0.0; assembly.problem.rows()];
+        solution.initial_cost = assembly.problem.residual(initial, &mut r);
+        solution.iterations += found.iterations;
+        solution.evaluations.residual += found.evaluations.residual;
+        solution.evaluations.jacobian += found.evaluations.jacobian;
+        if found.starts > 0 {
+            warnings.push(format!(
+                "the nominal robot is far from what was measured: plain steps from there failed, and {} found this fit{}",
+                match found.starts {
+                    1 => "one continuation".to_owned(),
+                    n => format!("{n} continuations from places near it"),
+                },
+                if found.sure {
+                    String::new()
+                } else {
+                    format!(
+                        ", whose weighted residuals are {:.1} RMS: no start led to one that is down to the noise",
+                        found.rms
+                    )
+                }
+            ));
+        }
+        if !found.sure {
+            warnings.push(format!(
+                "{DISTRUST}no start led to a fit that is down to the noise, nor did two lead to the same one; the robot file, \
+                 the measurements or their `sigma` may be wrong"
+            ));
+        }
+        let mut state = assembly.state(&solution.values);
+        fit_eliminated(&self.arms, &self.sets, &mut state);
+        Ok((assembly, state, solution))
+    }
+
     /// Estimates the chosen columns from a state. The registration takes no bounds and priors.
     fn solve_columns(
         &self,
@@ -417,6 +467,17 @@ impl Calibration {
         choices: &[Choice],
         full: bool,
     ) -> Result<(Assembly, State, Solution), Error> {
+        let assembly = self.columns_assembled(from, choices, full)?;
+        self.solve_assembled(assembly, full)
+    }
+
+    /// The problem at a state with the chosen columns free.
+    fn columns_assembled(
+        &self,
+        from: &State,
+        choices: &[Choice],
+        full: bool,
+    ) -> Result<Assembly, Error> {
         let mut assembly = Assembly::new(&self.arms, &self.sets, from, &self.estimate.derivatives)?;
         let free: Vec<usize> = (0..choices.len())
             .filter(|c| choices[*c] == Choice::Estimated)
@@ -443,7 +504,15 @@ impl Calibration {
                 }
             }
         }
-        if free.is_empty() {
+        Ok(assembly)
+    }
+
+    fn solve_assembled(
+        &self,
+        assembly: Assembly,
+        full: bool,
+    ) -> Result<(Assembly, State, Solution), Error> {
+        if assembly.problem.free().is_empty() {
             if full {
                 return Err(Error::calibration(
                     "nothing is left to estimate",

@@ -81,6 +81,29 @@ impl SolverKind {
     }
 }
 
+/// How the estimate starts.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+pub enum StrategyKind {
+    /// At nominal; by continuation where that is far off and fails.
+    #[default]
+    Auto,
+    /// At nominal.
+    Direct,
+}
+
+impl StrategyKind {
+    const NAMES: [(&str, Self); 2] = [("auto", Self::Auto), ("direct", Self::Direct)];
+
+    /// The name of the kind in files.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Auto => "auto",
+            Self::Direct => "direct",
+        }
+    }
+}
+
 /// What to estimate, and how.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EstimateSpec {
@@ -98,6 +121,8 @@ pub struct EstimateSpec {
     pub jacobian: JacobianKind,
     /// How the problem is solved.
     pub solver: SolverKind,
+    /// How the estimate starts.
+    pub strategy: StrategyKind,
     /// The most iterations, one or more; the solver's own limit by default.
     pub max_iterations: Option<usize>,
     /// Where the table and the values of its keys are in the file.
@@ -114,6 +139,7 @@ impl Default for EstimateSpec {
             preference: Vec::new(),
             jacobian: JacobianKind::default(),
             solver: SolverKind::default(),
+            strategy: StrategyKind::default(),
             max_iterations: None,
             spans: Spans::default(),
         }
@@ -139,6 +165,7 @@ impl EstimateSpec {
             preference: table.strings("preference")?.unwrap_or_default(),
             jacobian: choice(&mut table, "jacobian", &JacobianKind::NAMES)?,
             solver: choice(&mut table, "solver", &SolverKind::NAMES)?,
+            strategy: choice(&mut table, "strategy", &StrategyKind::NAMES)?,
             max_iterations: match table.get("max_iterations") {
                 Some(item) => Some(at_least_one(&item)?),
                 None => None,

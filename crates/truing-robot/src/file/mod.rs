@@ -25,7 +25,7 @@ pub use constraint_spec::{
     ConstraintSpec, DistanceSpec, Holdout, Kind, LossSpec, PlaneSpec, SigmaSpec,
 };
 pub use error::{InputError, Source, ValueError, nearest};
-pub use estimate_spec::{BoundSpec, EstimateSpec, JacobianKind, SolverKind};
+pub use estimate_spec::{BoundSpec, EstimateSpec, JacobianKind, SolverKind, StrategyKind};
 pub use frame_row::{Convention, FrameRow};
 pub use item::Item;
 pub use pattern::Pattern;

@@ -1,0 +1,369 @@
+//! Estimates that start far from the truth: a short plain fit and, where it fails visibly,
+//! continuations from nominal and from places near it.
+//!
+//! The minima that plain steps run into are arms that have shrunk, or whose axes have turned
+//! parallel: whatever their joints do, their tools stay near any plane. So touches are measured in
+//! joint space, where shrinking gains nothing ([`Tempered`]), and the parameters are drawn to where
+//! they start, strongly first, then ever less. What fits at the end is then estimated as ever.
+
+use super::assembly::{Assembly, Owner, State};
+use super::run::Calibration;
+use super::select::Choice;
+use super::start::start;
+use super::tempered::{Pull, Tempered, Touches};
+use crate::error::Error;
+use crate::kinematics::Unit;
+use crate::posture;
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use std::sync::atomic::Ordering;
+use std::time::Instant;
+use truing::nalgebra::Vector3;
+use truing::solver::{Evaluations, run};
+use truing::{LeastSquares, Linearization, Method, Settings, Tolerances, Values};
+
+/// How an estimate starts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum Strategy {
+    /// At nominal; where the nominal robot is far from what was measured and the plain fit fails
+    /// visibly, by continuation.
+    #[default]
+    Auto,
+    /// At nominal, come what may.
+    Direct,
+}
+
+/// The nominal robot is far from what was measured if the median error of a set is more than this
+/// part of its reach.
+const FAR: f64 = 0.01;
+/// Iterations of the plain fit that is tried first.
+const PROBE: u64 = 10;
+/// A fit is right if its weighted residuals are at most so many standard deviations, RMS.
+const GOOD: f64 = 3.0;
+/// Starts, nominal included.
+const STARTS: usize = 60;
+/// Strengths of the pull, each a third of the one before: the first is one metre of residual a
+/// radian.
+const STAGES: usize = 11;
+const FALL: f64 = 3.0;
+/// How well, and in how many iterations, each stage is solved.
+const LOOSE: f64 = 1e-2;
+const ITERATIONS: u64 = 4;
+/// From the fourth stage on a residual that falls by less is stuck.
+const STUCK: f64 = 0.8;
+const WARM: usize = 3;
+/// Iterations of the plain fit at the end of a continuation, and how often they are granted again
+/// while they halve the cost: long valleys.
+const LAST: u64 = 20;
+const AGAIN: usize = 5;
+/// Other starts than nominal: uniform, ± this [rad], and this part of the reach for lengths.
+const SPREAD: f64 = 0.3;
+const SPREAD_OF_LENGTHS: f64 = 0.6;
+/// The residuals of a robot that has collapsed hardly depend on its angles: by less than this part
+/// of what they do at nominal.
+const THIN: f64 = 0.1;
+/// Costs of two fits that agree to this are of the same minimum.
+const SAME: f64 = 1e-3;
+
+/// Where an estimate should start, and what it took to find out.
+pub(super) struct Found {
+    /// The start.
+    pub values: Values,
+    /// Evaluations used.
+    pub evaluations: Evaluations,
+    /// Iterations used.
+    pub iterations: u64,
+    /// Continuations tried; none if the plain fit did it.
+    pub starts: usize,
+    /// Whether it fits to the noise, or two starts led to it.
+    pub sure: bool,
+    /// RMS of the weighted residuals.
+    pub rms: f64,
+}
+
+struct Search<'a> {
+    calibration: &'a Calibration,
+    assembly: &'a Assembly,
+    /// Estimated parameters of robots: robot, parameter, and what a radian is worth in its unit.
+    estimated: Vec<(usize, usize, f64)>,
+    reach: f64,
+    /// RMS standard deviation of lengths \[m\].
+    sigma: f64,
+    evaluations: Evaluations,
+    iterations: u64,
+    deadline: Option<Instant>,
+}
+
+impl Calibration {
+    /// Looks for a start from which the plain estimate converges to the robot that was measured;
+    /// `None` where nominal will do: it is near, or the file asks for plain steps, other equations,
+    /// or bounds, inside which nothing is far.
+    pub(super) fn far_start(
+        &self,
+        from: &State,
+        assembly: &Assembly,
+        choices: &[Choice],
+    ) -> Result<Option<Found>, Error> {
+        let settings = &self.estimate.settings;
+        let plain = self.estimate.strategy == Strategy::Auto
+            && settings.method == Method::LevenbergMarquardt
+            && self.estimate.bounds.is_empty()
+            && self.sets.iter().all(|set| set.form.is_none());
+        let reach = self.reach();
+        if !plain || self.misfit(from)? <= FAR * reach {
+            return Ok(None);
+        }
+        let mut estimated = Vec::new();
+        for (c, column) in assembly.columns.iter().enumerate() {
+            if let (Choice::Estimated, Owner::Parameter { robot, parameter }) =
+                (&choices[c], &column.owner)
+            {
+                let unit = self.arms[*robot].robot.parameters()[*parameter].unit();
+                let worth = if unit == Unit::Meter { reach } else { 1.0 };
+                estimated.push((*robot, *parameter, worth));
+            }
+        }
+        if estimated.is_empty() {
+            return Ok(None);
+        }
+        let sigmas = self.sets.iter().flat_map(|set| &set.sigma);
+        let (sum, count) = sigmas.fold((0.0, 0.0), |(sum, n), s| {
+            (sum + s.position * s.position, n + 1.0)
+        });
+        let search = Search {
+            calibration: self,
+            assembly,
+            estimated,
+            reach,
+            sigma: (sum / f64::max(count, 1.0)).sqrt(),
+            evaluations: Evaluations::default(),
+            iterations: 0,
+            deadline: settings.timeout.map(|t| Instant::now() + t),
+        };
+        search.run().map(Some)
+    }
+
+    /// How far the tools reach, about \[m\]: 4/3 of the RMS distance of random postures' tool points
+    /// from their middle.
+    fn reach(&self) -> f64 {
+        const POSTURES: usize = 100;
+        let sizes = self.arms.iter().map(|arm| {
+            let limits = posture::limits(&arm.robot);
+            let nominal = arm.robot.nominal();
+            let mut rng = ChaCha8Rng::seed_from_u64(0);
+            let tips: Vec<Vector3<f64>> = (0..POSTURES)
+                .map(|_| {
+                    let q = posture::random(&limits, &mut rng);
+                    arm.robot.forward(&nominal, &q).translation
+                })
+                .collect();
+            let middle = tips.iter().sum::<Vector3<f64>>() / POSTURES as f64;
+            let squares: f64 = tips.iter().map(|tip| (tip - middle).norm_squared()).sum();
+            (squares / POSTURES as f64).sqrt()
+        });
+        let reach = 4.0 / 3.0 * sizes.sum::<f64>() / self.arms.len().max(1) as f64;
+        if reach > 0.0 { reach } else { 1.0 }
+    }
+}
+
+impl Search<'_> {
+    fn run(mut self) -> Result<Found, Error> {
+        let nominal = self.assembly.problem.initial().clone();
+        let slope = self.slope(&nominal);
+        let (probe, cost) = self.solve(&nominal, PROBE)?;
+        let ((probe, cost), accepted) = self.accept(probe, cost, slope)?;
+        if accepted {
+            return Ok(self.found(probe, cost, 0, true));
+        }
+        let mut fits = vec![];
+        let mut abandoned: Option<(Values, f64)> = None;
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        let mut starts = 0;
+        while starts < STARTS && !self.stopped() {
+            let begin = if starts == 0 {
+                nominal.clone()
+            } else {
+                self.shifted(&mut rng)?
+            };
+            starts += 1;
+            let (x, end) = self.descend(begin)?;
+            if let Some(left) = end {
+                if abandoned.as_ref().is_none_or(|(_, best)| left < *best) {
+                    abandoned = Some((x, left));
+                }
+                continue;
+            }
+            let (mut x, mut cost) = self.solve(&x, LAST)?;
+            for _ in 0..AGAIN {
+                if self.rms(cost) < GOOD {
+                    break;
+                }
+                let before = cost;
+                (x, cost) = self.solve(&x, LAST)?;
+                if cost > 0.5 * before {
+                    break;
+                }
+            }
+            let ((x, cost), accepted) = self.accept(x, cost, slope)?;
+            if accepted {
+                return Ok(self.found(x, cost, starts, true));
+            }
+            if self.slope(&x) > THIN * slope {
+                fits.push((x, cost));
+            }
+            // Measurements may be worse than their σ says: then two starts that end alike decide.
+            fits.sort_by(|a, b| a.1.total_cmp(&b.1));
+            if let [(x, best), (_, next), ..] = &fits[..]
+                && *next <= best * (1.0 + SAME)
+            {
+                let (x, best) = (x.clone(), *best);
+                return Ok(self.found(x, best, starts, true));
+            }
+        }
+        let (x, cost) = match (fits.into_iter().next(), abandoned) {
+            (Some(fit), _) => fit,
+            (None, Some((x, _))) => self.solve(&x, LAST)?,
+            (None, None) => (probe, cost),
+        };
+        Ok(self.found(x, cost, starts, false))
+    }
+
+    fn found(&self, values: Values, cost: f64, starts: usize, sure: bool) -> Found {
+        Found {
+            values,
+            evaluations: self.evaluations,
+            iterations: self.iterations,
+            starts,
+            sure,
+            rms: self.rms(cost),
+        }
+    }
+
+    /// One continuation: the pull ever weaker, each stage from the last. Where the residual is stuck,
+    /// it comes back with the point.
+    fn descend(&mut self, begin: Values) -> Result<(Values, Option<f64>), Error> {
+        let (calibration, assembly) = (self.calibration, self.assembly);
+        let touches = Touches::of(
+            &calibration.arms,
+            &calibration.sets,
+            assembly,
+            assembly.problem.initial(),
+            self.reach,
+        );
+        let rows = assembly.problem.rows() as f64;
+        let share = (rows / self.estimated.len() as f64).sqrt() / self.sigma;
+        let pulls = self.estimated.iter().map(|(robot, parameter, worth)| Pull {
+            robot: assembly.robot(*robot),
+            parameter: *parameter,
+            center: begin.raw(assembly.robot(*robot))[*parameter],
+            weight: share / worth,
+        });
+        let mut tempered = Tempered::new(&assembly.problem, &touches, pulls.collect());
+        let settings = self.settings(LOOSE, ITERATIONS);
+        let (mut x, mut before) = (begin, f64::INFINITY);
+        for stage in 0..STAGES {
+            let outcome = run(&tempered, x, &settings)?;
+            self.count(outcome.evaluations, outcome.iterations);
+            x = outcome.point;
+            let left = self.rms(outcome.cost - tempered.pulled(&x));
+            if stage >= WARM && left > STUCK * before && left > 2.0 * GOOD {
+                return Ok((x, Some(left)));
+            }
+            before = left;
+            for pull in &mut tempered.pulls {
+                pull.weight /= FALL.sqrt();
+            }
+        }
+        Ok((x, None))
+    }
+
+    /// Nominal but for random changes of everything estimated, with frames, planes and points fitted.
+    fn shifted(&self, rng: &mut ChaCha8Rng) -> Result<Values, Error> {
+        let calibration = self.calibration;
+        let nominal = self.assembly.state(self.assembly.problem.initial());
+        let mut robots = nominal.robots.clone();
+        for (robot, parameter, worth) in &self.estimated {
+            let length =
+                calibration.arms[*robot].robot.parameters()[*parameter].unit() == Unit::Meter;
+            let spread = if length { SPREAD_OF_LENGTHS } else { SPREAD };
+            robots[*robot][*parameter] += spread * worth * rng.random_range(-1.0..1.0);
+        }
+        let known = State {
+            frames: nominal.frames.clone(),
+            targets: nominal.targets.clone(),
+            ..State::default()
+        };
+        let state = start(&calibration.arms, &calibration.sets, robots, &known);
+        let derivatives = &calibration.estimate.derivatives;
+        let shifted = Assembly::new(&calibration.arms, &calibration.sets, &state, derivatives)?;
+        Ok(shifted.problem.initial().clone())
+    }
+
+    /// A fit down to the noise is solved to the last digit; it counts if its residuals still depend on
+    /// the angles.
+    fn accept(&mut self, x: Values, cost: f64, slope: f64) -> Result<((Values, f64), bool), Error> {
+        if self.rms(cost) > GOOD {
+            return Ok(((x, cost), false));
+        }
+        let (x, cost) = self.solve(&x, 5 * LAST)?;
+        let accepted = self.rms(cost) <= GOOD && self.slope(&x) > THIN * slope;
+        Ok(((x, cost), accepted))
+    }
+
+    /// Plain steps.
+    fn solve(&mut self, from: &Values, iterations: u64) -> Result<(Values, f64), Error> {
+        let settings = self.settings(Tolerances::default().cost, iterations);
+        let outcome = run(&self.assembly.problem, from.clone(), &settings)?;
+        self.count(outcome.evaluations, outcome.iterations);
+        Ok((outcome.point, outcome.cost))
+    }
+
+    fn settings(&self, cost: f64, iterations: u64) -> Settings {
+        Settings {
+            tolerances: Tolerances {
+                cost,
+                max_iterations: iterations,
+                ..Tolerances::default()
+            },
+            interrupt: self.calibration.estimate.settings.interrupt.clone(),
+            ..Settings::default()
+        }
+    }
+
+    fn count(&mut self, evaluations: Evaluations, iterations: u64) {
+        self.evaluations.residual += evaluations.residual;
+        self.evaluations.jacobian += evaluations.jacobian;
+        self.iterations += iterations;
+    }
+
+    /// RMS of the weighted residuals.
+    fn rms(&self, cost: f64) -> f64 {
+        (2.0 * cost.max(0.0) / self.assembly.problem.rows() as f64).sqrt()
+    }
+
+    /// RMS of what the estimated angles change in the weighted residuals.
+    fn slope(&mut self, x: &Values) -> f64 {
+        let problem = &self.assembly.problem;
+        let mut lin = Linearization::new(problem.structure());
+        problem.linearize(x, &mut lin);
+        self.evaluations.jacobian += 1;
+        let arms = &self.calibration.arms;
+        let angles = self.estimated.iter().filter(|(robot, parameter, _)| {
+            arms[*robot].robot.parameters()[*parameter].unit() == Unit::Radian
+        });
+        let squares = angles.map(|(robot, parameter, _)| {
+            let column = self.assembly.robot(*robot).column() + parameter;
+            lin.column_norm(column).powi(2)
+        });
+        (squares.sum::<f64>() / problem.rows() as f64).sqrt()
+    }
+
+    /// Whether someone stopped it, or the time ran out.
+    fn stopped(&self) -> bool {
+        let flag = self.calibration.estimate.settings.interrupt.as_ref();
+        flag.is_some_and(|flag| flag.load(Ordering::SeqCst))
+            || self
+                .deadline
+                .is_some_and(|deadline| Instant::now() > deadline)
+    }
+}

@@ -268,6 +268,35 @@ fn with_noise_measurements_scatter_as_was_asked_for() {
 }
 
 #[test]
+fn planes_can_be_drawn_at_a_distance_from_the_origin() {
+    let text = EVERYTHING
+        .replace(
+            "plane = { normal = [0.3, 1.0, 0.1], distance = 0.3 }",
+            "plane = \"random\"",
+        )
+        .replace("planes = 2", "planes = 2\nplane_distance = \"2 cm\"");
+    let (one, other) = (simulated(&text, None), simulated(&text, Some(12)));
+    for plane in one.truth.planes.iter().flatten() {
+        assert!((plane.distance.abs() - 0.02).abs() < 1e-15);
+    }
+    let known = |simulated: &Simulated| match simulated.sets[2].measured {
+        Measured::KnownPlane(plane) => plane,
+        _ => panic!("the third set is touches of a known plane"),
+    };
+    assert_ne!(known(&one), known(&other));
+    assert!(off(&one, 2).iter().all(|e| e.abs() < 1e-11));
+    // What is written says where it is.
+    let shown = format!("distance = {:?}", known(&one).distance);
+    assert!(one.calibration_toml(&["r.toml".into()]).contains(&shown));
+    let given = EVERYTHING.replace("distance = 0.3 }", "distance = 0.3 }\nplane_distance = 0.1");
+    let error = SimulationFile::parse(&given, "s.toml").unwrap_err();
+    assert!(
+        error.to_string().contains("the planes are given"),
+        "{error}"
+    );
+}
+
+#[test]
 fn a_plane_out_of_reach_is_refused_and_nothing_is_written() {
     let cell = cell(&EVERYTHING.replace("distance = 0.3 }", "distance = 4.5 }"));
     let before = cell.files();

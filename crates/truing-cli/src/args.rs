@@ -33,6 +33,8 @@ pub enum Command {
     Identify(Identify),
     /// Make data by simulating robots with known errors.
     Simulate(Simulate),
+    /// Find out how often methods recover robots: a Monte-Carlo study.
+    Study(Study),
 }
 
 /// Calibrate robots from measurements.
@@ -141,6 +143,33 @@ pub struct Simulate {
     /// Write into a folder that is already there.
     #[arg(long)]
     pub force: bool,
+
+    /// Seed, instead of the one in the file.
+    #[arg(long)]
+    pub seed: Option<u64>,
+}
+
+/// Find out how often methods recover robots: a Monte-Carlo study.
+#[derive(Debug, Args)]
+pub struct Study {
+    /// Study file (TOML): robot, errors, what is measured, methods.
+    pub file: PathBuf,
+
+    /// Folder for study.json, study.csv and study.svg; made if it is not there.
+    #[arg(short, long, value_name = "DIR")]
+    pub output: Option<PathBuf>,
+
+    /// Write into a folder that is already there.
+    #[arg(long)]
+    pub force: bool,
+
+    /// Threads; all processors by default. The result does not depend on it.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+
+    /// Trials for each case and tool error, instead of those in the file.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    pub trials: Option<u32>,
 
     /// Seed, instead of the one in the file.
     #[arg(long)]

@@ -2,11 +2,10 @@
 
 use crate::args::Calibrate;
 use crate::failure::{Failure, Files};
-use crate::{Ending, Streams, output, report, show};
+use crate::{Ending, Streams, interrupt, output, report, show};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use truing::solver::Progress;
 use truing_planar::Planar;
@@ -65,17 +64,7 @@ fn solve(calibration: &mut Calibration, arguments: &Calibrate) -> Result<Outcome
         bar.set_style(style);
     }
     bar.enable_steady_tick(Duration::from_millis(120));
-    let interrupt = Arc::new(AtomicBool::new(false));
-    let flag = interrupt.clone();
-    let handler = move || {
-        // A second Ctrl-C does not wait for the iteration under way.
-        if flag.swap(true, Ordering::SeqCst) {
-            std::process::exit(130);
-        }
-    };
-    if let Err(error) = ctrlc::set_handler(handler) {
-        tracing::warn!("Ctrl-C will not keep the best point so far: {error}");
-    }
+    let interrupt = interrupt::on_ctrl_c();
     let settings = &mut calibration.estimate.settings;
     settings.interrupt = Some(interrupt);
     settings.timeout = arguments.timeout.map(Duration::from_secs);

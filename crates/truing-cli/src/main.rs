@@ -4,12 +4,15 @@ mod args;
 mod calibrate;
 mod check;
 mod failure;
+mod figure;
 mod identify;
+mod interrupt;
 mod output;
 mod report;
 mod show;
 mod show_identify;
 mod simulate;
+mod study;
 
 use args::{Arguments, Command};
 use clap::Parser;
@@ -23,6 +26,8 @@ pub enum Ending {
     Good,
     /// Did not converge, must not be trusted or does not agree: exit status 1.
     Untrusted,
+    /// Stopped before its end: exit status 1.
+    Stopped,
 }
 
 /// Where output goes: data to standard output, words to standard output or, beside JSON, to standard error.
@@ -69,10 +74,11 @@ fn main() -> ExitCode {
         Command::Check(arguments) => check::run(arguments, &streams),
         Command::Identify(arguments) => identify::run(arguments, &streams),
         Command::Simulate(arguments) => simulate::run(arguments, &streams),
+        Command::Study(arguments) => study::run(arguments, &streams),
     };
     match ending {
         Ok(Ending::Good) => ExitCode::SUCCESS,
-        Ok(Ending::Untrusted) => ExitCode::from(1),
+        Ok(Ending::Untrusted | Ending::Stopped) => ExitCode::from(1),
         Err(failure) => {
             report(&failure, &streams);
             ExitCode::from(2)

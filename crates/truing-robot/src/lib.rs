@@ -12,6 +12,7 @@ pub mod file;
 pub mod kinematics;
 pub mod posture;
 pub mod simulate;
+pub mod study;
 
 pub use error::Error;
 pub use kinematics::Robot;

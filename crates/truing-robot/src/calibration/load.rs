@@ -9,9 +9,9 @@ use super::run::{Calibration, Estimate};
 use crate::constraint::Derivatives;
 use crate::error::Error;
 use crate::file::{
-    BoundSpec, CalibrationFile, ConstraintSpec, DistanceSpec, InputError, JacobianKind, Kind,
-    LossSpec, Quantity, RobotFile, RobotRef, SigmaSpec, SolverKind, Source, Spanned, StrategyKind,
-    Table,
+    BoundSpec, CalibrationFile, ConstraintSpec, DistanceSpec, EstimateSpec, InputError,
+    JacobianKind, Kind, LossSpec, Quantity, RobotFile, RobotRef, SigmaSpec, SolverKind, Source,
+    Spanned, StrategyKind, Table,
 };
 use crate::kinematics::{Robot, Unit};
 use std::collections::BTreeMap;
@@ -36,7 +36,7 @@ pub fn load(file: &CalibrationFile) -> Result<Calibration, Error> {
 /// As [`load`].
 pub fn load_with(file: &CalibrationFile, plugins: &[&dyn Plugin]) -> Result<Calibration, Error> {
     let arms = read_arms(&file.robots, &file.source)?;
-    let estimate = estimate(file, &arms, plugins)?;
+    let estimate = estimate(&file.estimate, &file.source, &arms, plugins)?;
     let mut loader = Loader {
         file,
         plugins,
@@ -151,16 +151,14 @@ fn check_guesses(file: &CalibrationFile, sets: &[MeasurementSet]) -> Result<(), 
     Ok(())
 }
 
-fn estimate(
-    file: &CalibrationFile,
+/// What to estimate, and how, by the names of the robots' parameters; `file` for the places of errors.
+pub(crate) fn estimate(
+    spec: &EstimateSpec,
+    file: &Source,
     arms: &[Arm],
     plugins: &[&dyn Plugin],
 ) -> Result<Estimate, InputError> {
-    let spec = &file.estimate;
-    let names = Names {
-        source: &file.source,
-        arms,
-    };
+    let names = Names { source: file, arms };
     let mut wanted: Vec<Vec<bool>> = arms
         .iter()
         .map(|arm| vec![false; arm.robot.parameters().len()])
@@ -176,7 +174,7 @@ fn estimate(
         }
     }
     let in_unit = |quantity: Quantity, key: (usize, usize), span: &Range<usize>| {
-        in_unit_of(arms, key, quantity, &file.source, span)
+        in_unit_of(arms, key, quantity, file, span)
     };
     let mut bounds = BTreeMap::new();
     for (text, bound) in &spec.bounds {

@@ -48,7 +48,7 @@ pub struct Sigma {
 
 impl Default for Sigma {
     /// 0.1 mm and 0.1 mrad, as a good tracker has. Estimates depend only on ratios of standard
-    /// deviations; what counts as determined (0.1 m, 0.1 rad) depends on them as they are.
+    /// deviations; what counts as determined (1 m, 1 rad) depends on them as they are.
     fn default() -> Self {
         Self {
             position: 1e-4,

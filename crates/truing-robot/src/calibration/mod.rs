@@ -4,6 +4,7 @@ mod assembly;
 mod check;
 mod data;
 mod doubt;
+mod estimated;
 mod far;
 mod form;
 mod identification;
@@ -26,13 +27,14 @@ mod uncertainty;
 
 pub use assembly::{Assembly, Column, Owner, PlaneVar, State};
 pub use check::{ColumnCheck, SetCheck, Way, WayCheck};
+pub use estimated::{Estimated, Registration};
 pub use far::Strategy;
 pub use form::{Form, Parts, PlaneChart, Plugin};
 pub use identification::{
     DataAnswer, Gap, Identification, Identified, Indices, RankOf, Scaling, Step,
 };
 pub use identify::Question;
-pub(crate) use load::read_arms;
+pub(crate) use load::{estimate, read_arms};
 pub use load::{load, load_with};
 pub use measurement::{Arm, Groups, Measured, MeasurementSet, Sigma};
 pub(crate) use names::{Names, in_unit_of};

@@ -22,12 +22,14 @@ pub(super) struct Prediction {
     pub noise: f64,
 }
 
-/// Tool points of a robot in one set: of the estimated robot, of the nominal one, and the
-/// derivatives of the first by some columns (3 × points, columns).
+/// Tool points of a robot in one set: of the estimated robot, of the nominal one, the derivatives of
+/// the first by some columns (3 × points, columns), and by the tool point if that is estimated too
+/// (3 × points, 3).
 struct Tips {
     estimated: Vec<Vector3<f64>>,
     nominal: Vec<Vector3<f64>>,
     derivatives: DMatrix<f64>,
+    by_point: Option<DMatrix<f64>>,
 }
 
 impl Calibration {
@@ -35,7 +37,7 @@ impl Calibration {
     /// each robot that has estimated parameters.
     ///
     /// With G the derivatives of all tool points by the estimated columns, C their covariance and P
-    /// the projection that takes rigid motions (and scale) out, σ² = trace(P G C Gᵀ P) / points.
+    /// the projection that takes rigid motions (and scale, and moves of the tool point) out, σ² = trace(P G C Gᵀ P) / points.
     /// Each set has its own motion: where its sensor and its tool point are says nothing of the robot.
     pub(super) fn predictions(
         &self,
@@ -53,7 +55,7 @@ impl Calibration {
         let mut predictions = Vec::new();
         for robot in 0..self.arms.len() {
             let own = |c: &usize| match &assembly.columns[*c].owner {
-                Owner::Parameter { robot: r, .. } | Owner::Target(r, _) => *r == robot,
+                Owner::Parameter { robot: r, .. } => *r == robot,
                 _ => false,
             };
             let columns: Vec<usize> = (0..choices.len())
@@ -69,7 +71,7 @@ impl Calibration {
             let (mut variance, mut change, mut noise, mut points) = (0.0, 0.0, 0.0, 0.0);
             for set in &self.sets {
                 for tips in self.tool_points(robot, set, fitted, assembly, &columns) {
-                    let generators = motions(&tips.estimated, scaled);
+                    let generators = motions(&tips, scaled);
                     let g = without(&generators, &tips.derivatives);
                     variance += (&g * &c).component_mul(&g).sum();
                     // Registered first: what is left is small enough for the projection.
@@ -124,8 +126,8 @@ impl Calibration {
                 .and_then(|key| estimated.targets.get(key))
                 .copied()
                 .unwrap_or_default();
-            let var = key.as_ref().and_then(|key| assembly.target(robot, &key.1));
             let (mut tips, mut before, mut rows) = (Vec::new(), Vec::new(), Vec::new());
+            let mut turns = Vec::new();
             for q in postures.iter().step_by(postures.len().div_ceil(ENOUGH)) {
                 FrameWise.regressor(chain, &estimated.robots[robot], q, &mut regressor);
                 let tip = regressor.tool.apply(&point);
@@ -136,22 +138,26 @@ impl Calibration {
                             Owner::Parameter { parameter, .. } => {
                                 regressor.twists[*parameter].at(&tip)
                             }
-                            _ => match var.map(|var| column.wrapping_sub(var.column())) {
-                                Some(k) if k < 3 => regressor.tool.rotation.column(k).into_owned(),
-                                _ => Vector3::zeros(),
-                            },
+                            _ => Vector3::zeros(),
                         }),
                 );
                 tips.push(tip);
+                turns.push(regressor.tool.rotation);
                 before.push(chain.forward(&nominal.robots[robot], q).apply(&point));
             }
             let derivatives = DMatrix::from_fn(3 * tips.len(), columns.len(), |row, column| {
                 rows[row / 3 * columns.len() + column][row % 3]
             });
+            let by_point = key.is_some().then(|| {
+                DMatrix::from_fn(3 * tips.len(), 3, |row, axis| {
+                    turns[row / 3][(row % 3, axis)]
+                })
+            });
             groups.push(Tips {
                 estimated: tips,
                 nominal: before,
                 derivatives,
+                by_point,
             });
         }
         groups
@@ -179,12 +185,17 @@ fn postures(set: &MeasurementSet, robot: usize) -> Vec<(&[Vec<f64>], Option<&Str
 /// So many postures of a set tell how well a tool is known.
 const ENOUGH: usize = 1000;
 
-/// Velocities of points in the rigid motions of space and, if asked for, in its growth; one column a
-/// motion.
-fn motions(points: &[Vector3<f64>], scaled: bool) -> DMatrix<f64> {
+/// Velocities of tool points in the rigid motions of space, in its growth if asked for, and in moves
+/// of the point on the tool if that is estimated; one column a motion.
+fn motions(tips: &Tips, scaled: bool) -> DMatrix<f64> {
+    let points = &tips.estimated;
     let center = points.iter().sum::<Vector3<f64>>() / points.len() as f64;
-    let count = if scaled { 7 } else { 6 };
+    let of_space = if scaled { 7 } else { 6 };
+    let count = of_space + tips.by_point.as_ref().map_or(0, DMatrix::ncols);
     DMatrix::from_fn(3 * points.len(), count, |row, motion| {
+        if let (Some(axis), Some(by_point)) = (motion.checked_sub(of_space), &tips.by_point) {
+            return by_point[(row, axis)];
+        }
         let p = points[row / 3] - center;
         let velocity = match motion {
             0..3 => Vector3::ith(motion, 1.0),

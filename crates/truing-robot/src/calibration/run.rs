@@ -2,6 +2,7 @@
 
 use super::assembly::{Assembly, Owner, State};
 use super::doubt::{DISTRUST, shortened};
+use super::estimated::Registration;
 use super::far::Strategy;
 use super::measurement::{Arm, Measured, MeasurementSet};
 use super::report::Report;
@@ -91,6 +92,16 @@ pub struct Outcome {
     pub solution: Solution,
 }
 
+/// What the estimate leaves for the reports.
+pub(super) struct Solved {
+    pub begin: State,
+    pub registered: State,
+    pub estimated: State,
+    pub assembly: Assembly,
+    pub choices: Vec<Choice>,
+    pub solution: Solution,
+}
+
 /// A set's residuals are summarised from these three states.
 pub(super) struct Fitted {
     pub nominal: State,
@@ -144,23 +155,32 @@ impl Calibration {
         calibration.run_checked(warnings, watch)
     }
 
-    fn run_checked(
+    /// Start, registration, selection, estimate.
+    pub(super) fn solve_checked(
         &self,
-        mut warnings: Vec<String>,
+        registration: Registration,
+        warnings: &mut Vec<String>,
         watch: &dyn Fn(Stage),
-    ) -> Result<Outcome, Error> {
+    ) -> Result<Solved, Error> {
         let derivatives = &self.estimate.derivatives;
         let begin = start(&self.arms, &self.sets, self.nominal(), &State::default());
         let preference = self.preference();
 
         watch(Stage::Registering);
         let layout = Assembly::new(&self.arms, &self.sets, &begin, derivatives)?;
-        let (registered, registration) = self.register(&begin, &preference)?;
-        if !registration.termination.converged() {
-            warnings.push(format!(
-                "the registration of the nominal robot, with which it is compared, did not converge: {}",
-                registration.termination
-            ));
+        let off = self.misfit(&begin)?;
+        let mut registered = begin.clone();
+        if registration == Registration::Always
+            || (registration == Registration::IfFar && off > FAR)
+        {
+            let solution;
+            (registered, solution) = self.register(&begin, &preference)?;
+            if !solution.termination.converged() {
+                warnings.push(format!(
+                    "the registration of the nominal robot, with which it is compared, did not converge: {}",
+                    solution.termination
+                ));
+            }
         }
 
         let near = self.near(&begin, &registered)?;
@@ -214,14 +234,30 @@ impl Calibration {
 
         watch(Stage::Estimating);
         let from = self.starting_state(&near, &choices, &layout);
-        let (assembly, estimated, solution) =
-            self.estimate_columns(&from, &choices, &mut warnings)?;
+        let (assembly, estimated, solution) = self.estimate_columns(&from, &choices, warnings)?;
+        Ok(Solved {
+            begin,
+            registered,
+            estimated,
+            assembly,
+            choices,
+            solution,
+        })
+    }
+
+    fn run_checked(
+        &self,
+        mut warnings: Vec<String>,
+        watch: &dyn Fn(Stage),
+    ) -> Result<Outcome, Error> {
+        let solved = self.solve_checked(Registration::Always, &mut warnings, watch)?;
+        let (assembly, choices, solution) = (solved.assembly, solved.choices, solved.solution);
 
         watch(Stage::Validating);
         let fitted = Fitted {
-            nominal: begin,
-            registered,
-            estimated,
+            nominal: solved.begin,
+            registered: solved.registered,
+            estimated: solved.estimated,
         };
         let constraints: Vec<SetResult> = (0..self.sets.len())
             .map(|k| self.summarise(k, &self.sets[k], &fitted))

@@ -3,9 +3,10 @@
 use super::assembly::{Assembly, Column, Owner, State};
 use super::measurement::{Arm, Measured, MeasurementSet};
 use super::result::Status;
+use super::start::tips;
 use crate::constraint::Derivatives;
 use crate::error::Error;
-use crate::kinematics::ParameterKind;
+use crate::kinematics::{ParameterKind, Unit};
 use crate::posture;
 use crate::simulate::{Sampling, sample};
 use rand::SeedableRng;
@@ -26,8 +27,8 @@ const EXCITATION: f64 = 1e-7;
 const EXCITED_WELL: f64 = 0.3;
 
 /// A robot's parameter that the data leave uncertain by more than this [m, rad or 1], even if those
-/// preferred to it were known, is worse determined than by any drawing.
-const WEAKEST: f64 = 0.1;
+/// preferred to it were known, is not determined at all.
+const WEAKEST: f64 = 1.0;
 
 /// How many rows of measurements each set of the structural twin has, about.
 pub(super) const POSTURES: usize = 120;
@@ -65,9 +66,49 @@ pub(super) fn structural_twin(
             sigma: Vec::new(),
             ..set.clone()
         };
-        sample(arms, k, &set, state, &sampling, &mut rng)
+        match sample(arms, k, &set, state, &sampling, &mut rng) {
+            Err(Error::Unreachable { message, help }) => {
+                match moved_into_reach(arms, &set, state) {
+                    Some(set) => sample(arms, k, &set, state, &sampling, &mut rng),
+                    None => Err(Error::Unreachable { message, help }),
+                }
+            }
+            sampled => sampled,
+        }
     };
     sets.iter().enumerate().map(twin).collect()
+}
+
+/// How far from a known plane the touches may lie on average, as the robot of the file sees them, in
+/// sums of the robot's lengths: a robot that is wrong, and not the plane.
+const WRONG_ROBOT: f64 = 1.0;
+
+/// A set of touches with its known plane moved along its normal to where the robot believes to have
+/// touched: what is identifiable depends on the direction of a plane, not on its place.
+fn moved_into_reach(arms: &[Arm], set: &MeasurementSet, state: &State) -> Option<MeasurementSet> {
+    let Measured::KnownPlane(mut plane) = set.measured else {
+        return None;
+    };
+    let (arm, parameters) = (&arms[set.robot], &state.robots[set.robot]);
+    let tips = tips(arm, set, parameters, &state.target(set));
+    let off = tips
+        .iter()
+        .map(|tip| plane.signed_distance(tip))
+        .sum::<f64>()
+        / tips.len() as f64;
+    let lengths = arm.robot.parameters().iter().zip(parameters);
+    let size: f64 = lengths
+        .filter(|(p, _)| p.unit() == Unit::Meter)
+        .map(|(_, length)| length.abs())
+        .sum();
+    if off.is_nan() || off.abs() > WRONG_ROBOT * size {
+        return None;
+    }
+    plane.distance += off;
+    Some(MeasurementSet {
+        measured: Measured::KnownPlane(plane),
+        ..set.clone()
+    })
 }
 
 /// What becomes of a column in the estimate.

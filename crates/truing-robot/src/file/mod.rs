@@ -18,6 +18,7 @@ mod section;
 mod selection;
 mod selection_syntax;
 mod simulation;
+mod study;
 mod table;
 
 pub use calibration::{CalibrationFile, RobotRef};
@@ -34,4 +35,5 @@ pub use robot::{JointKind, JointRow, RobotFile};
 pub use section::{Document, Section, Spanned, Spans};
 pub use selection::Selection;
 pub use simulation::{ErrorSpec, PlacesSpec, SimulationFile, SimulationSpec};
+pub use study::{CaseSpec, MethodSpec, StudyFile};
 pub use table::Table;

@@ -376,6 +376,33 @@ impl<'a> Section<'a> {
         })
     }
 
+    /// The values of this table, and those of another one that it does not have itself; without the
+    /// keys `but`.
+    pub(super) fn over(&self, other: Option<&Section<'a>>, but: &[&str]) -> DeTable<'a> {
+        let mut merged = other.map_or_else(DeTable::new, |other| other.table.clone());
+        for (key, value) in self.table {
+            if !but.contains(&key.get_ref().as_ref()) {
+                merged.remove(key.get_ref().as_ref());
+                merged.insert(key.clone(), value.clone());
+            }
+        }
+        merged
+    }
+
+    /// The same table with other values, of which the keys `known` are named in messages.
+    pub(super) fn with<'t>(self, values: &'t DeTable<'t>, known: &[&str]) -> Section<'t>
+    where
+        'a: 't,
+    {
+        Section {
+            source: self.source,
+            title: self.title,
+            span: self.span,
+            table: values,
+            asked: known.iter().map(|key| (*key).to_owned()).collect(),
+        }
+    }
+
     /// The values that were not asked for, in the order of the file.
     fn unasked(&self) -> Vec<Item<'a>> {
         let mut items: Vec<Item<'a>> = self

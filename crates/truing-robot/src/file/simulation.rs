@@ -67,10 +67,13 @@ pub struct SimulationSpec {
     pub frame: Option<Spanned<String>>,
     /// Where the sensor is: x, y, z \[m\] and the unit quaternion w, x, y, z.
     pub frame_pose: [f64; 7],
-    /// The plane of a `known-plane`.
+    /// The plane of a `known-plane`; none to draw it within reach of the robot.
     pub plane: Option<PlaneSpec>,
     /// The planes of an `unknown-plane`.
     pub planes: PlacesSpec<PlaneSpec>,
+    /// The distance of planes that are drawn from the origin \[m\]; none for planes through a point
+    /// within reach.
+    pub plane_distance: Option<f64>,
     /// The points of a `same-point` \[m\].
     pub points: PlacesSpec<[f64; 3]>,
     /// The locations of a `same-location`: x, y, z \[m\] and the unit quaternion w, x, y, z.
@@ -132,13 +135,13 @@ impl SimulationFile {
         let seed = root.integer("seed")?.map_or(0, |seed| seed.value as u64);
         let robots = robots(&mut root, source.folder())?;
         let errors = match root.table("errors")? {
-            Some(table) => errors(table.titled("[errors]"))?,
+            Some(table) => errors_with_given(table.titled("[errors]"))?,
             None => ErrorSpec::default(),
         };
         let mut constraints: Vec<SimulationSpec> = Vec::new();
         let mut used = BTreeSet::new();
         for table in root.tables("constraint")? {
-            let spec = constraint(table, &source, &robots)?;
+            let spec = constraint(table, &source, &robots, true)?;
             if !used.insert(spec.data.value.clone()) {
                 let message = format!("`{}` is written by two constraints", spec.data.value);
                 return Err(source
@@ -174,7 +177,8 @@ fn size(item: &Item<'_>, dimension: Dimension) -> Result<f64, InputError> {
         .with_help("give the size of the errors without a sign"))
 }
 
-fn errors(mut table: Section<'_>) -> Result<ErrorSpec, InputError> {
+/// Sizes and distribution of random errors, and which parameters have them.
+pub(super) fn errors(table: &mut Section<'_>) -> Result<ErrorSpec, InputError> {
     let mut spec = ErrorSpec::default();
     for (key, dimension, value) in [
         ("angle", Dimension::Angle, &mut spec.angle),
@@ -202,6 +206,11 @@ fn errors(mut table: Section<'_>) -> Result<ErrorSpec, InputError> {
         .string_or_list("parameters")?
         .unwrap_or_else(|| vec![Spanned::new("all".to_owned(), table.span())]);
     spec.fixed = table.string_or_list("fixed")?.unwrap_or_default();
+    Ok(spec)
+}
+
+fn errors_with_given(mut table: Section<'_>) -> Result<ErrorSpec, InputError> {
+    let mut spec = errors(&mut table)?;
     if let Some(mut given) = table.table("given")? {
         for item in given.entries() {
             let name = Spanned::new(item.name().to_owned(), item.key_span());
@@ -213,7 +222,7 @@ fn errors(mut table: Section<'_>) -> Result<ErrorSpec, InputError> {
 }
 
 /// The keys that only some kinds have.
-const KEYS_OF_KINDS: [(&str, &[Kind]); 9] = [
+const KEYS_OF_KINDS: [(&str, &[Kind]); 10] = [
     (
         "target_position",
         &[
@@ -229,16 +238,19 @@ const KEYS_OF_KINDS: [(&str, &[Kind]); 9] = [
     ("frame_pose", &[Kind::Pose, Kind::Position]),
     ("plane", &[Kind::KnownPlane]),
     ("planes", &[Kind::UnknownPlane]),
+    ("plane_distance", &[Kind::KnownPlane, Kind::UnknownPlane]),
     ("points", &[Kind::SamePoint]),
     ("locations", &[Kind::SameLocation]),
     ("distance", &[Kind::Distance]),
     ("robots", &[Kind::Distance]),
 ];
 
-fn constraint(
+/// A `[[constraint]]`; one that is not `written` has no data file, and its kind for a name.
+pub(super) fn constraint(
     mut table: Section<'_>,
     source: &Source,
     robots: &[RobotRef],
+    written: bool,
 ) -> Result<SimulationSpec, InputError> {
     let kind = Kind::read(&table.require("kind", "expected what is measured, like \"position\"")?)?;
     for (key, kinds) in KEYS_OF_KINDS {
@@ -249,14 +261,11 @@ fn constraint(
                 .with_help("remove the key, or change the `kind`"));
         }
     }
-    let data = table.require("data", "expected the name of the CSV file to write")?;
-    let file = data.name_text()?;
-    let path = Path::new(&file.value);
-    if path.file_name() != Some(path.as_os_str()) {
-        return Err(data.error("this is not a plain file name").with_help(
-            "data are written into the output folder: write only a name, like \"touches.csv\"",
-        ));
-    }
+    let data = if written {
+        data_file(&mut table)?
+    } else {
+        Spanned::new(kind.name().to_owned(), table.span())
+    };
     let count = table.require("count", "expected how many measurements")?;
     let number = count.integer()?.value;
     if number == 0 {
@@ -270,7 +279,7 @@ fn constraint(
         .transpose()?;
     let name = match table.get("name") {
         Some(item) => item.name_text()?.value,
-        None => path
+        None => Path::new(&data.value)
             .file_stem()
             .map_or_else(String::new, |stem| stem.to_string_lossy().into_owned()),
     };
@@ -298,13 +307,26 @@ fn constraint(
         Some(item) => pose(&item, &Units::SI)?,
         None => [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0],
     };
-    let plane = plane(&mut table, kind, &Units::SI)?;
+    let drawn = |item: &Item<'_>| item.as_str() == Some("random");
+    let plane = match table.get("plane") {
+        Some(item) if drawn(&item) => None,
+        _ => plane(&mut table, kind, &Units::SI)?,
+    };
     let planes = places(
         &mut table,
         "planes",
         "a number of planes, or a list of planes",
         |item| plane_of(item, &Units::SI),
     )?;
+    let plane_distance = match table.get("plane_distance") {
+        Some(item) if plane.is_some() || matches!(planes, PlacesSpec::Listed(_)) => {
+            return Err(item
+                .error("the planes are given; expected planes that are drawn")
+                .with_help("write plane = \"random\", or planes = 1; or remove this key"));
+        }
+        Some(item) => Some(size(&item, Dimension::Length)?),
+        None => None,
+    };
     let points = places(
         &mut table,
         "points",
@@ -329,7 +351,7 @@ fn constraint(
     Ok(SimulationSpec {
         name,
         kind,
-        data: file,
+        data,
         count: number,
         sigma,
         robot: one,
@@ -340,11 +362,24 @@ fn constraint(
         frame_pose,
         plane,
         planes,
+        plane_distance,
         points,
         locations,
         distance,
         spans,
     })
+}
+
+fn data_file(table: &mut Section<'_>) -> Result<Spanned<String>, InputError> {
+    let data = table.require("data", "expected the name of the CSV file to write")?;
+    let file = data.name_text()?;
+    let path = Path::new(&file.value);
+    if path.file_name() != Some(path.as_os_str()) {
+        return Err(data.error("this is not a plain file name").with_help(
+            "data are written into the output folder: write only a name, like \"touches.csv\"",
+        ));
+    }
+    Ok(file)
 }
 
 fn places<T>(

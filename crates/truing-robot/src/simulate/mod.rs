@@ -5,3 +5,4 @@ mod scenario;
 
 pub use sample::{Sampling, sample};
 pub use scenario::{Simulated, perturbed, simulate};
+pub(crate) use scenario::{noise, template};

@@ -6,7 +6,8 @@ use crate::calibration::{
 };
 use crate::error::Error;
 use crate::file::{
-    ErrorSpec, InputError, Kind, PlacesSpec, RobotFile, SigmaSpec, SimulationFile, SimulationSpec,
+    ErrorSpec, InputError, Kind, PlacesSpec, PlaneSpec, RobotFile, SigmaSpec, SimulationFile,
+    SimulationSpec, Source,
 };
 use crate::kinematics::{Robot, Unit};
 use crate::posture;
@@ -74,7 +75,7 @@ pub fn simulate(file: &SimulationFile, seed: Option<u64>) -> Result<Simulated, E
         // Each constraint draws from a stream of its own: adding one leaves the others as they were.
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(k as u64 + 1);
-        let template = template(file, &arms, spec, &mut truth, &mut rng)?;
+        let template = template(&file.source, &arms, spec, &mut truth, &mut rng)?;
         let sampling = Sampling {
             count: spec.count,
             noise: Some(noise(spec)),
@@ -123,7 +124,8 @@ fn true_robots(file: &SimulationFile, arms: &[Arm], seed: u64) -> Result<Vec<Vec
     Ok(robots)
 }
 
-fn noise(spec: &SimulationSpec) -> Sigma {
+/// The noise that a constraint asks for.
+pub(crate) fn noise(spec: &SimulationSpec) -> Sigma {
     match spec.sigma {
         None => Sigma {
             position: 0.0,
@@ -142,8 +144,8 @@ fn noise(spec: &SimulationSpec) -> Sigma {
 }
 
 /// A set without rows, and its frame, tool point, planes, points and distance put into the truth.
-fn template(
-    file: &SimulationFile,
+pub(crate) fn template(
+    source: &Source,
     arms: &[Arm],
     spec: &SimulationSpec,
     truth: &mut State,
@@ -160,13 +162,13 @@ fn template(
         let key = (robot, name.value.clone());
         let known = truth.targets.insert(key, target);
         differ(
-            file,
+            source,
             spec,
             "target_position",
             known.is_some_and(|known| known != target),
         )?;
     } else if spec.target_position != [0.0; 3] {
-        return Err(file
+        return Err(source
             .error_at(
                 spec.spans.of("target_position"),
                 "the tool point has no name",
@@ -179,7 +181,7 @@ fn template(
         let pose = Pose::from_quaternion(Vector3::new(x, y, z), [qw, qx, qy, qz]);
         let known = truth.frames.insert(name.value.clone(), pose);
         differ(
-            file,
+            source,
             spec,
             "frame_pose",
             known.is_some_and(|known| known != pose),
@@ -205,42 +207,37 @@ fn template(
         let direction: Vector3<f64> = Vector3::from_fn(|_, _| rng.sample(StandardNormal));
         (location, direction)
     };
+    let drawn = |(location, direction): (Pose<f64>, Vector3<f64>)| {
+        let normal = direction.try_normalize(1e-12).unwrap_or_else(Vector3::z);
+        let through = normal.dot(&location.translation);
+        Plane {
+            normal,
+            // Of the two planes at a distance, the one on the side of what is within reach.
+            distance: spec
+                .plane_distance
+                .map_or(through, |distance| distance.copysign(through)),
+        }
+    };
+    let given = |plane: PlaneSpec| {
+        let (normal, distance) = plane.normalised();
+        Plane {
+            normal: normal.into(),
+            distance,
+        }
+    };
     let (mut planes, mut points, mut locations) = (Vec::new(), Vec::new(), Vec::new());
     let labels = |n: usize| (1..=n).map(|k| k.to_string()).collect::<Vec<_>>();
     let measured = match spec.kind {
         Kind::Position => Measured::Position(Vec::new()),
         Kind::Pose => Measured::Pose(Vec::new()),
-        Kind::KnownPlane => {
-            let (normal, distance) = spec
-                .plane
-                .map_or(([0.0, 0.0, 1.0], 0.0), |p| p.normalised());
-            Measured::KnownPlane(Plane {
-                normal: normal.into(),
-                distance,
-            })
-        }
+        Kind::KnownPlane => Measured::KnownPlane(match spec.plane {
+            Some(plane) => given(plane),
+            None => drawn(somewhere()),
+        }),
         Kind::UnknownPlane => {
             planes = match &spec.planes {
-                PlacesSpec::Random(n) => (0..*n)
-                    .map(|_| {
-                        let (location, direction) = somewhere();
-                        let normal = direction.try_normalize(1e-12).unwrap_or_else(Vector3::z);
-                        Plane {
-                            normal,
-                            distance: normal.dot(&location.translation),
-                        }
-                    })
-                    .collect(),
-                PlacesSpec::Listed(listed) => listed
-                    .iter()
-                    .map(|plane| {
-                        let (normal, distance) = plane.normalised();
-                        Plane {
-                            normal: normal.into(),
-                            distance,
-                        }
-                    })
-                    .collect(),
+                PlacesSpec::Random(n) => (0..*n).map(|_| drawn(somewhere())).collect(),
+                PlacesSpec::Listed(listed) => listed.iter().copied().map(given).collect(),
             };
             Measured::UnknownPlane(Groups {
                 names: labels(planes.len()),
@@ -293,7 +290,7 @@ fn template(
 
 /// Refuses a frame or tool point that two constraints put at different places.
 fn differ(
-    file: &SimulationFile,
+    source: &Source,
     spec: &SimulationSpec,
     key: &str,
     differs: bool,
@@ -301,7 +298,7 @@ fn differ(
     if !differs {
         return Ok(());
     }
-    Err(file
+    Err(source
         .error_at(
             spec.spans.of(key),
             "an earlier constraint put it somewhere else",

@@ -143,6 +143,47 @@ impl Calibration {
         search.run().map(Some)
     }
 
+    /// RMS of what the angles among some parameters, as (robot, parameter), change in the weighted
+    /// residuals at a point.
+    fn slope(
+        &self,
+        assembly: &Assembly,
+        parameters: impl Iterator<Item = (usize, usize)>,
+        x: &Values,
+    ) -> f64 {
+        let mut lin = Linearization::new(assembly.problem.structure());
+        assembly.problem.linearize(x, &mut lin);
+        let angles =
+            parameters.filter(|(r, p)| self.arms[*r].robot.parameters()[*p].unit() == Unit::Radian);
+        let squares = angles.map(|(robot, parameter)| {
+            let column = assembly.robot(robot).column() + parameter;
+            lin.column_norm(column).powi(2)
+        });
+        (squares.sum::<f64>() / assembly.problem.rows() as f64).sqrt()
+    }
+
+    /// Whether the measurements hardly depend on the robot's angles any more: an arm that has collapsed,
+    /// or whose axes are all parallel, fits any touches.
+    pub(super) fn has_collapsed(
+        &self,
+        assembly: &Assembly,
+        choices: &[Choice],
+        estimate: &Values,
+    ) -> bool {
+        let estimated = assembly
+            .columns
+            .iter()
+            .zip(choices)
+            .filter_map(|(column, choice)| match (&column.owner, choice) {
+                (Owner::Parameter { robot, parameter }, Choice::Estimated) => {
+                    Some((*robot, *parameter))
+                }
+                _ => None,
+            });
+        let before = self.slope(assembly, estimated.clone(), assembly.problem.initial());
+        self.slope(assembly, estimated, estimate) < THIN * before
+    }
+
     /// How far the tools reach, about \[m\]: 4/3 of the RMS distance of random postures' tool points
     /// from their middle.
     fn reach(&self) -> f64 {
@@ -343,19 +384,12 @@ impl Search<'_> {
 
     /// RMS of what the estimated angles change in the weighted residuals.
     fn slope(&mut self, x: &Values) -> f64 {
-        let problem = &self.assembly.problem;
-        let mut lin = Linearization::new(problem.structure());
-        problem.linearize(x, &mut lin);
         self.evaluations.jacobian += 1;
-        let arms = &self.calibration.arms;
-        let angles = self.estimated.iter().filter(|(robot, parameter, _)| {
-            arms[*robot].robot.parameters()[*parameter].unit() == Unit::Radian
-        });
-        let squares = angles.map(|(robot, parameter, _)| {
-            let column = self.assembly.robot(*robot).column() + parameter;
-            lin.column_norm(column).powi(2)
-        });
-        (squares.sum::<f64>() / problem.rows() as f64).sqrt()
+        let parameters = self
+            .estimated
+            .iter()
+            .map(|(robot, parameter, _)| (*robot, *parameter));
+        self.calibration.slope(self.assembly, parameters, x)
     }
 
     /// Whether someone stopped it, or the time ran out.

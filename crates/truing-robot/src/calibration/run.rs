@@ -294,6 +294,12 @@ impl Calibration {
             self.doubt_moves(&fitted.estimated, &assembly, uncertainty, &mut warnings);
         }
         self.doubt_limits(&fitted.estimated, &assembly, &choices, &mut warnings);
+        if self.has_collapsed(&assembly, &choices, &solution.values) {
+            warnings.push(format!(
+                "{DISTRUST}the estimated robot fits because its joints hardly matter any more: it has collapsed, or its axes \
+                 have turned parallel; add a `prior` about nominal, or measurements that hold its size"
+            ));
+        }
         let anchors: Vec<&str> = (0..choices.len())
             .filter(|c| matches!(choices[*c], Choice::Anchor(_)))
             .map(|c| assembly.columns[c].name.as_str())
@@ -470,10 +476,10 @@ impl Calibration {
         solution.evaluations.jacobian += found.evaluations.jacobian;
         if found.starts > 0 {
             warnings.push(format!(
-                "the nominal robot is far from what was measured: plain steps from there failed, and {} found this fit{}",
+                "the nominal robot is far from what was measured: a few plain steps did not fit it, {} did{}",
                 match found.starts {
-                    1 => "one continuation".to_owned(),
-                    n => format!("{n} continuations from places near it"),
+                    1 => "a continuation".to_owned(),
+                    n => format!("the best of {n} continuations from places near it"),
                 },
                 if found.sure {
                     String::new()

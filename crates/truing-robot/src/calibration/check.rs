@@ -1,9 +1,10 @@
 //! The same Jacobian made in several ways: do they agree, and what does each cost?
 
-use super::assembly::{Assembly, Column, Owner, State};
+use super::assembly::Assembly;
 use super::measurement::MeasurementSet;
 use super::run::Calibration;
 use super::start::start;
+use super::state::{Column, Owner, State};
 use crate::constraint::Derivatives;
 use crate::error::Error;
 use rand::{Rng, SeedableRng};

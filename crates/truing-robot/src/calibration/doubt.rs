@@ -1,11 +1,12 @@
 //! What makes a result doubtful, in words.
 
-use super::assembly::{Assembly, State};
+use super::assembly::Assembly;
 use super::measurement::Measured;
 use super::prediction::Prediction;
 use super::result::SetResult;
 use super::run::{Calibration, Fitted};
 use super::select::Choice;
+use super::state::State;
 use super::uncertainty::Uncertainty;
 use crate::kinematics::Unit;
 

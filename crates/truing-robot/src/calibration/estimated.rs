@@ -1,8 +1,8 @@
 //! The estimate of a calibration alone, for those who estimate thousands of times.
 
-use super::assembly::{Column, State};
 use super::run::Calibration;
 use super::select::Choice;
+use super::state::{Column, State};
 use crate::error::Error;
 use truing::Solution;
 

@@ -6,10 +6,11 @@
 //! joint space, where shrinking gains nothing ([`Tempered`]), and the parameters are drawn to where
 //! they start, strongly first, then ever less. What fits at the end is then estimated as ever.
 
-use super::assembly::{Assembly, Owner, State};
+use super::assembly::Assembly;
 use super::run::Calibration;
 use super::select::Choice;
 use super::start::start;
+use super::state::{Owner, State};
 use super::tempered::{Pull, Tempered, Touches};
 use crate::error::Error;
 use crate::kinematics::Unit;

@@ -1,7 +1,7 @@
 //! What can be identified: structure at configurations that satisfy the constraints exactly, and
 //! apart from it what data excite.
 
-use super::assembly::{Assembly, Owner, State};
+use super::assembly::Assembly;
 use super::identification::{
     DataAnswer, Gap, Identification, Identified, Indices, RankOf, Scaling, Step,
 };
@@ -13,6 +13,7 @@ use super::select::{
     structure,
 };
 use super::start::start;
+use super::state::{Owner, State};
 use super::symmetry::symmetries;
 use crate::constraint::Derivatives;
 use crate::error::Error;

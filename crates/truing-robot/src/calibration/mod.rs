@@ -20,12 +20,14 @@ mod result;
 mod run;
 mod select;
 mod small_groups;
+mod solve;
 mod start;
+mod state;
 mod symmetry;
 mod tempered;
 mod uncertainty;
 
-pub use assembly::{Assembly, Column, Owner, PlaneVar, State};
+pub use assembly::{Assembly, PlaneVar};
 pub use check::{ColumnCheck, SetCheck, Way, WayCheck};
 pub use estimated::{Estimated, Registration};
 pub use far::Strategy;
@@ -46,4 +48,5 @@ pub use result::{
 pub use run::{Calibration, Estimate, Outcome, Stage};
 pub use select::{Choice, default_preference, in_order, select};
 pub use start::{best_fit_plane, rigid_registration, start};
+pub use state::{Column, Owner, State};
 pub use symmetry::{Motion, Symmetry, direction};

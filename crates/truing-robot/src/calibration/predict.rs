@@ -1,11 +1,12 @@
 //! Errors of measurements under the nominal, the registered and the calibrated robot.
 
-use super::assembly::{Assembly, Owner, State};
+use super::assembly::Assembly;
 use super::measurement::{Measured, MeasurementSet};
 use super::result::{ErrorSeries, ErrorSummary, SetResult};
 use super::run::{Calibration, Fitted};
 use super::select::in_order;
 use super::start::start;
+use super::state::{Owner, State};
 use crate::error::Error;
 use truing::{Settings, Values, solve};
 

@@ -1,10 +1,11 @@
 //! How well a calibrated robot can be expected to predict its tool, from the covariance alone.
 
-use super::assembly::{Assembly, Owner};
+use super::assembly::Assembly;
 use super::measurement::{Measured, MeasurementSet};
 use super::run::{Calibration, Fitted};
 use super::select::Choice;
 use super::start::rigid_registration;
+use super::state::Owner;
 use super::uncertainty::Uncertainty;
 use crate::kinematics::{DifferentiateChain, FrameWise, Regressor};
 use truing::nalgebra::{DMatrix, Vector3};

@@ -1,10 +1,10 @@
 //! The structural question about a robot alone: what would kinds of measurements identify?
 
-use super::assembly::State;
 use super::identify::Question;
 use super::measurement::{Arm, Groups, Measured, MeasurementSet};
 use super::names::Names;
 use super::select::{SEED, default_preference};
+use super::state::State;
 use crate::constraint::Derivatives;
 use crate::error::Error;
 use crate::file::{InputError, Kind, Source, Spanned};

@@ -1,6 +1,6 @@
 //! Putting a result together.
 
-use super::assembly::{Assembly, Owner, State};
+use super::assembly::Assembly;
 use super::doubt::DISTRUST;
 use super::measurement::Measured;
 use super::result::{
@@ -9,6 +9,7 @@ use super::result::{
 };
 use super::run::Calibration;
 use super::select::Choice;
+use super::state::{Owner, State};
 use super::uncertainty::Uncertainty;
 use crate::error::Error;
 use truing::Solution;

@@ -1,9 +1,10 @@
 //! Which columns can be estimated: structure first, then what the data excite.
 
-use super::assembly::{Assembly, Column, Owner, State};
+use super::assembly::Assembly;
 use super::measurement::{Arm, Measured, MeasurementSet};
 use super::result::Status;
 use super::start::tips;
+use super::state::{Column, Owner, State};
 use crate::constraint::Derivatives;
 use crate::error::Error;
 use crate::kinematics::{ParameterKind, Unit};

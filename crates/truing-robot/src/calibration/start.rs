@@ -1,8 +1,8 @@
 //! Starting values nobody has to guess: sensor frames and tool points by registration, planes and
 //! points by fitting, all with the nominal robot.
 
-use super::assembly::State;
 use super::measurement::{Arm, Measured, MeasurementSet};
+use super::state::State;
 use std::collections::{BTreeMap, BTreeSet};
 use truing::manifold::{Plane, Pose};
 use truing::nalgebra::{DMatrix, DVector, Matrix3, Vector3};

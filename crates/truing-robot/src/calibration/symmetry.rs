@@ -5,9 +5,10 @@
 //! times it, whatever the kind of measurement; the constraints cannot see it if planes, points,
 //! distances, sensor frames and tool points, which are estimated too, take it up.
 
-use super::assembly::{Assembly, Owner, State};
+use super::assembly::Assembly;
 use super::measurement::{Arm, MeasurementSet};
 use super::select::{POSTURES, STRUCTURE, compressed};
+use super::state::{Owner, State};
 use crate::constraint::Derivatives;
 use crate::error::Error;
 use crate::kinematics::{DifferentiateChain, FrameWise, Regressor, Robot, Twist};

@@ -1,9 +1,10 @@
 //! How sure an estimate is: σ₀ from the measurements, priors as they are, robust losses, bounds.
 
-use super::assembly::{Assembly, Owner, State};
+use super::assembly::Assembly;
 use super::measurement::MeasurementSet;
 use super::run::Calibration;
 use super::select::Choice;
+use super::state::{Owner, State};
 use crate::error::Error;
 use truing::{Covariance, LeastSquares, Loss};
 

@@ -1,0 +1,259 @@
+//! From a state to the estimate: registration, where to start, and the least-squares problem.
+
+use super::assembly::Assembly;
+use super::doubt::DISTRUST;
+use super::measurement::{Measured, MeasurementSet};
+use super::run::Calibration;
+use super::select::{Choice, in_order, select};
+use super::start::{fit_eliminated, start};
+use super::state::{Owner, State};
+use crate::error::Error;
+use truing::{LeastSquares, Settings, Solution, Termination, Values, solve, solve_from};
+
+impl Calibration {
+    /// Where the estimate starts. A base far from where its file puts it is where the registration
+    /// found it. Otherwise the file knows better: a registration that the data hardly determine may wander.
+    pub(super) fn near(&self, begin: &State, registered: &State) -> Result<State, Error> {
+        let off = self.misfit(begin)?;
+        let far = off > FAR && self.misfit(registered)? < 0.5 * off;
+        Ok(if far { registered } else { begin }.clone())
+    }
+
+    /// The nominal robot with frames, base, tool points, planes and points estimated.
+    ///
+    /// Where a plane or point is out of reach of the robot as its file places it, positions and poses
+    /// place it first.
+    pub(super) fn register(
+        &self,
+        begin: &State,
+        preference: &[(usize, usize)],
+    ) -> Result<(State, Solution), Error> {
+        let layout = Assembly::new(&self.arms, &self.sets, begin, &self.estimate.derivatives)?;
+        let bases: Vec<Vec<usize>> = self
+            .arms
+            .iter()
+            .map(|arm| arm.robot.base_parameters())
+            .collect();
+        let wanted = in_order(&layout, preference, |owner| match owner {
+            Owner::Parameter { robot, parameter } => {
+                bases[*robot].contains(parameter) && self.wants(*robot, *parameter)
+            }
+            _ => true,
+        });
+        let derivatives = &self.estimate.derivatives;
+        let choices = match select(&self.arms, &self.sets, begin, derivatives, &wanted, &[]) {
+            Err(Error::Unreachable { message, help }) => {
+                let seen = |set: &&MeasurementSet| {
+                    matches!(set.measured, Measured::Position(_) | Measured::Pose(_))
+                };
+                let sets: Vec<MeasurementSet> = self.sets.iter().filter(seen).cloned().collect();
+                if sets.is_empty() || sets.len() == self.sets.len() {
+                    return Err(Error::Unreachable { message, help });
+                }
+                let placing = Self {
+                    sets,
+                    ..self.clone()
+                };
+                let nominal = start(&self.arms, &placing.sets, self.nominal(), &State::default());
+                let placed = placing.register(&nominal, preference)?.0.robots;
+                let begin = start(&self.arms, &self.sets, placed, &State::default());
+                let choices = select(&self.arms, &self.sets, &begin, derivatives, &wanted, &[])?;
+                let (_, state, solution) = self.solve_columns(&begin, &choices, false)?;
+                return Ok((state, solution));
+            }
+            choices => choices?,
+        };
+        let (_, state, solution) = self.solve_columns(begin, &choices, false)?;
+        Ok((state, solution))
+    }
+
+    /// Where the estimate starts: near a state, inside the bounds, with what is not estimated at
+    /// nominal.
+    pub(super) fn starting_state(
+        &self,
+        near: &State,
+        choices: &[Choice],
+        layout: &Assembly,
+    ) -> State {
+        let mut robots = self.nominal();
+        for (c, column) in layout.columns.iter().enumerate() {
+            if let (Choice::Estimated, Owner::Parameter { robot, parameter }) =
+                (&choices[c], &column.owner)
+            {
+                robots[*robot][*parameter] = near.robots[*robot][*parameter];
+            }
+        }
+        for (robot, parameter, lower, upper) in &self.estimate.bounds {
+            let nominal = self.arms[*robot].robot.parameters()[*parameter].nominal;
+            let value = &mut robots[*robot][*parameter];
+            *value = value.max(nominal + lower).min(nominal + upper);
+        }
+        if robots == near.robots {
+            return near.clone();
+        }
+        start(&self.arms, &self.sets, robots, &State::default())
+    }
+
+    /// Where a bounded parameter ended, if it is at one of its bounds.
+    pub(super) fn at_bound(
+        &self,
+        robot: usize,
+        parameter: usize,
+        estimate: f64,
+    ) -> Option<&'static str> {
+        let bound = |(r, p, ..): &&(usize, usize, f64, f64)| (*r, *p) == (robot, parameter);
+        let (_, _, lower, upper) = self.estimate.bounds.iter().find(bound)?;
+        let moved = estimate - self.arms[robot].robot.parameters()[parameter].nominal;
+        let close = 1e-9 * (upper - lower);
+        if moved <= lower + close {
+            Some("lower")
+        } else if moved >= upper - close {
+            Some("upper")
+        } else {
+            None
+        }
+    }
+
+    /// The estimate: from a state, or from where a search finds that it should start.
+    pub(super) fn estimate_columns(
+        &self,
+        from: &State,
+        choices: &[Choice],
+        warnings: &mut Vec<String>,
+    ) -> Result<(Assembly, State, Solution), Error> {
+        let assembly = self.columns_assembled(from, choices, true)?;
+        let Some(found) = self.far_start(from, &assembly, choices)? else {
+            return self.solve_assembled(assembly, true);
+        };
+        let initial = assembly.problem.initial();
+        let mut solution = solve_from(&assembly.problem, &found.values, &self.estimate.settings)?;
+        let mut r = vec![0.0; assembly.problem.rows()];
+        solution.initial_cost = assembly.problem.residual(initial, &mut r);
+        solution.iterations += found.iterations;
+        solution.evaluations.residual += found.evaluations.residual;
+        solution.evaluations.jacobian += found.evaluations.jacobian;
+        if found.starts > 0 {
+            warnings.push(format!(
+                "the nominal robot is far from what was measured: a few plain steps did not fit it, {} did{}",
+                match found.starts {
+                    1 => "a continuation".to_owned(),
+                    n => format!("the best of {n} continuations from places near it"),
+                },
+                if found.sure {
+                    String::new()
+                } else {
+                    format!(
+                        ", whose weighted residuals are {:.1} RMS: no start led to one that is down to the noise",
+                        found.rms
+                    )
+                }
+            ));
+        }
+        if !found.sure {
+            warnings.push(format!(
+                "{DISTRUST}no start led to a fit that is down to the noise, nor did two lead to the same one; the robot file, \
+                 the measurements or their `sigma` may be wrong"
+            ));
+        }
+        let mut state = assembly.state(&solution.values);
+        fit_eliminated(&self.arms, &self.sets, &mut state);
+        Ok((assembly, state, solution))
+    }
+
+    /// Estimates the chosen columns from a state. The registration takes no bounds and priors.
+    fn solve_columns(
+        &self,
+        from: &State,
+        choices: &[Choice],
+        full: bool,
+    ) -> Result<(Assembly, State, Solution), Error> {
+        let assembly = self.columns_assembled(from, choices, full)?;
+        self.solve_assembled(assembly, full)
+    }
+
+    /// The problem at a state with the chosen columns free.
+    fn columns_assembled(
+        &self,
+        from: &State,
+        choices: &[Choice],
+        full: bool,
+    ) -> Result<Assembly, Error> {
+        let mut assembly = Assembly::new(&self.arms, &self.sets, from, &self.estimate.derivatives)?;
+        let free: Vec<usize> = (0..choices.len())
+            .filter(|c| choices[*c] == Choice::Estimated)
+            .collect();
+        assembly.free_only(&free);
+        if full {
+            for (robot, parameter, lower, upper) in &self.estimate.bounds {
+                let var = assembly.robot(*robot);
+                // The problem's bounds are about its start, which is inside but for rounding.
+                let nominal = self.arms[*robot].robot.parameters()[*parameter].nominal;
+                let shift = nominal - from.robots[*robot][*parameter];
+                let (lower, upper) = ((lower + shift).min(0.0), (upper + shift).max(0.0));
+                assembly
+                    .problem
+                    .bound_component(var, *parameter, lower, upper);
+            }
+            for (robot, parameter, sigma) in &self.estimate.priors {
+                let var = assembly.robot(*robot);
+                if choices[var.column() + parameter] == Choice::Estimated {
+                    let nominal = self.arms[*robot].robot.nominal();
+                    assembly
+                        .problem
+                        .prior_components(var, &nominal, &[(*parameter, *sigma)])?;
+                }
+            }
+        }
+        Ok(assembly)
+    }
+
+    fn solve_assembled(
+        &self,
+        assembly: Assembly,
+        full: bool,
+    ) -> Result<(Assembly, State, Solution), Error> {
+        if assembly.problem.free().is_empty() {
+            if full {
+                return Err(Error::calibration(
+                    "nothing is left to estimate",
+                    "free some parameters (`parameters`, `fixed`) or add measurements that depend on them",
+                ));
+            }
+            let values = assembly.problem.initial().clone();
+            let mut state = assembly.state(&values);
+            fit_eliminated(&self.arms, &self.sets, &mut state);
+            return Ok((assembly, state, unchanged(values)));
+        }
+        let solution = if full {
+            solve(&assembly.problem, &self.estimate.settings)?
+        } else {
+            let settings = Settings {
+                interrupt: self.estimate.settings.interrupt.clone(),
+                ..Settings::default()
+            };
+            solve(&assembly.problem, &settings)?
+        };
+        let mut state = assembly.state(&solution.values);
+        fit_eliminated(&self.arms, &self.sets, &mut state);
+        Ok((assembly, state, solution))
+    }
+}
+
+/// Errors [m] above which the robot does not stand where its file says.
+pub(super) const FAR: f64 = 0.05;
+
+/// The solution of a problem in which nothing is free.
+fn unchanged(values: Values) -> Solution {
+    Solution {
+        values,
+        termination: Termination::Gradient {
+            value: 0.0,
+            tolerance: 0.0,
+        },
+        cost: 0.0,
+        initial_cost: 0.0,
+        iterations: 0,
+        evaluations: truing::solver::Evaluations::default(),
+        blocks: Vec::new(),
+    }
+}

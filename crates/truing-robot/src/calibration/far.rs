@@ -107,6 +107,7 @@ impl Calibration {
     ) -> Result<Option<Found>, Error> {
         let settings = &self.estimate.settings;
         let plain = self.estimate.strategy == Strategy::Auto
+            && self.estimate.from.is_none()
             && settings.method == Method::LevenbergMarquardt
             && self.estimate.bounds.is_empty()
             && self.sets.iter().all(|set| set.form.is_none());

@@ -269,6 +269,7 @@ pub(crate) fn estimate(
         priors: priors.into_iter().map(|((r, p), s)| (r, p, s)).collect(),
         preference,
         derivatives,
+        from: None,
         strategy: match spec.strategy {
             StrategyKind::Auto => Strategy::Auto,
             StrategyKind::Direct => Strategy::Direct,

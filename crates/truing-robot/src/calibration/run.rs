@@ -34,6 +34,9 @@ pub struct Estimate {
     pub settings: Settings,
     /// How it starts.
     pub strategy: Strategy,
+    /// The robots that the estimate starts at, by plain steps, instead of the nominal ones: to see what
+    /// the data allow where the truth is known.
+    pub from: Option<Vec<Vec<f64>>>,
 }
 
 /// What a run is doing, for those who watch.
@@ -235,6 +238,10 @@ impl Calibration {
         }
 
         watch(Stage::Estimating);
+        let near = match &self.estimate.from {
+            Some(robots) => start(&self.arms, &self.sets, robots.clone(), &State::default()),
+            None => near,
+        };
         let from = self.starting_state(&near, &choices, &layout);
         let (assembly, estimated, solution) = self.estimate_columns(&from, &choices, warnings)?;
         Ok(Solved {

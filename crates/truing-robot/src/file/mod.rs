@@ -35,5 +35,5 @@ pub use robot::{JointKind, JointRow, RobotFile};
 pub use section::{Document, Section, Spanned, Spans};
 pub use selection::Selection;
 pub use simulation::{ErrorSpec, PlacesSpec, SimulationFile, SimulationSpec};
-pub use study::{CaseSpec, MethodSpec, StudyFile};
+pub use study::{CaseSpec, MethodSpec, StartKind, StudyFile};
 pub use table::Table;

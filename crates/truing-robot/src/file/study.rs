@@ -25,6 +25,18 @@ pub struct CaseSpec {
     pub span: Range<usize>,
 }
 
+/// Where a method of a study starts.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
+pub enum StartKind {
+    /// As a calibration does.
+    #[default]
+    Auto,
+    /// At the nominal robot as the file gives it, wherever it stands.
+    Nominal,
+    /// At the true robot: what the data allow, if no start were wrong.
+    Truth,
+}
+
 /// A way to estimate.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MethodSpec {
@@ -32,8 +44,8 @@ pub struct MethodSpec {
     pub name: String,
     /// Other equations, by the name that a plugin gives them.
     pub form: Option<Spanned<String>>,
-    /// Whether it starts at the nominal robot as the file gives it, wherever it stands.
-    pub nominal: bool,
+    /// Where it starts.
+    pub start: StartKind,
     /// What to estimate, and how: `[estimate]` with the keys of `[[method]]` in place of its own.
     pub estimate: EstimateSpec,
     /// Where the table is in the file, in bytes.
@@ -269,9 +281,9 @@ fn methods(root: &mut Section<'_>) -> Result<Vec<MethodSpec>, InputError> {
             .get("method")
             .map(|item| item.name_text())
             .transpose()?;
-        let nominal = match table.get("start") {
-            Some(item) => starts_at_nominal(&item)?,
-            None => false,
+        let start = match table.get("start") {
+            Some(item) => start(&item)?,
+            None => StartKind::default(),
         };
         let own = ["name", "method", "start"];
         let merged = table.over(shared.as_ref(), &own);
@@ -279,7 +291,7 @@ fn methods(root: &mut Section<'_>) -> Result<Vec<MethodSpec>, InputError> {
         methods.push(MethodSpec {
             name,
             form,
-            nominal,
+            start,
             estimate,
             span,
         });
@@ -287,13 +299,14 @@ fn methods(root: &mut Section<'_>) -> Result<Vec<MethodSpec>, InputError> {
     Ok(methods)
 }
 
-fn starts_at_nominal(item: &Item<'_>) -> Result<bool, InputError> {
-    let words = ["auto", "nominal"];
+fn start(item: &Item<'_>) -> Result<StartKind, InputError> {
+    let words = ["auto", "nominal", "truth"];
     match item.string()?.value.as_str() {
-        "auto" => Ok(false),
-        "nominal" => Ok(true),
+        "auto" => Ok(StartKind::Auto),
+        "nominal" => Ok(StartKind::Nominal),
+        "truth" => Ok(StartKind::Truth),
         other => Err(item
-            .wrong_type("\"auto\" or \"nominal\"")
+            .wrong_type("\"auto\", \"nominal\" or \"truth\"")
             .with_help(suggest(other, &words))),
     }
 }

@@ -7,7 +7,8 @@ use crate::calibration::{
 };
 use crate::error::Error;
 use crate::file::{
-    CaseSpec, ErrorSpec, InputError, Kind, MethodSpec, SimulationSpec, Source, Spanned, StudyFile,
+    CaseSpec, ErrorSpec, InputError, Kind, MethodSpec, SimulationSpec, Source, Spanned, StartKind,
+    StudyFile,
 };
 use crate::simulate::noise;
 use std::sync::Arc;
@@ -49,6 +50,8 @@ pub(super) type Forms = Vec<Option<Arc<dyn Form>>>;
 pub(super) struct Method {
     pub name: String,
     pub registration: Registration,
+    /// Whether it starts at the true robots.
+    pub from_truth: bool,
     pub estimate: Estimate,
 }
 
@@ -69,7 +72,8 @@ pub fn load_study(file: &StudyFile, plugins: &[&dyn Plugin]) -> Result<Study, Er
     for spec in &file.methods {
         methods.push(Method {
             name: spec.name.clone(),
-            registration: if spec.nominal {
+            from_truth: spec.start == StartKind::Truth,
+            registration: if spec.start != StartKind::Auto {
                 Registration::Never
             } else {
                 Registration::IfFar
@@ -285,10 +289,13 @@ impl Study {
                 set.form = Some(form.clone());
             }
         }
-        let calibration = Calibration {
+        let mut calibration = Calibration {
             estimate: self.methods[method].estimate.clone(),
             ..Calibration::new(self.arms.clone(), sets)
         };
+        if self.methods[method].from_truth {
+            calibration.estimate.from = Some(drawn.truth.robots.clone());
+        }
         Some(calibration.estimate_only(registration))
     }
 

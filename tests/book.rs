@@ -43,7 +43,13 @@ fn files_in(folder: &Path, extension: &str) -> Vec<PathBuf> {
 /// A folder in which the commands of the book run: the example, and the book's own files.
 fn workplace() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
-    for sub in ["puma560", "puma560/data", "planar", "planar/data", "studies"] {
+    for sub in [
+        "puma560",
+        "puma560/data",
+        "planar",
+        "planar/data",
+        "studies",
+    ] {
         let from = top().join("examples").join(sub);
         let to = folder.path().join("examples").join(sub);
         fs::create_dir_all(&to).unwrap();

@@ -423,7 +423,7 @@ fn in_metres(
             ..set.clone()
         })
         .collect();
-    Ok(Assembly::new(arms, &metric, state, derivatives)?)
+    Assembly::new(arms, &metric, state, derivatives)
 }
 
 /// How much of a parameter is a metre: 1 for lengths and gains of sliding joints, 1 / length for

@@ -5,7 +5,7 @@
 #[path = "support/puma.rs"]
 mod puma;
 
-use puma::{Scene, What, puma, puma_with, table, two_pumas};
+use puma::{Scene, What, puma, puma_with, stanford, table, two_pumas};
 use truing::manifold::Plane;
 use truing::nalgebra::{Matrix3, Vector3};
 use truing_robot::Robot;
@@ -148,22 +148,7 @@ fn an_rx90_has_as_many_as_a_puma() {
 /// known, so no scale is free: the planes and the point cost one less.
 #[test]
 fn a_stanford_arm_has_28_25_19_22_and_19() {
-    let text = r#"
-        convention = "khalil-kleinfinger"
-        units = { angle = "deg", length = "m" }
-        name = "Stanford"
-        base = { theta = 17.0, r = 0.4 }
-        tool = { alpha = 17.0, d = 0.12, theta = 23.0, r = 0.08 }
-        joint = [
-            { name = "q1", type = "revolute", alpha = 11.0, d = 0.15, theta = 5.0, r = 0.25 },
-            { name = "q2", type = "revolute", alpha = -90.0, r = 0.154 },
-            { name = "q3", type = "prismatic", alpha = 90.0, limits = [0.15, 1.0] },
-            { name = "q4", type = "revolute" },
-            { name = "q5", type = "revolute", alpha = -90.0 },
-            { name = "q6", type = "revolute", alpha = 90.0 },
-        ]
-    "#;
-    let robot = Robot::new(&RobotFile::parse(text, "stanford.toml").unwrap());
+    let robot = stanford();
     assert_eq!(counts(&robot, GEOMETRY), [28, 25, 19, 22, 19]);
     // With the gains a scale is free again where neither sensor nor plane gives it.
     assert_eq!(counts(&robot, WITH_GAINS), [34, 31, 24, 27, 24]);

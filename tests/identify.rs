@@ -5,7 +5,7 @@
 #[path = "support/puma.rs"]
 mod puma;
 
-use puma::{Scene, What, puma, puma_with, table, two_pumas};
+use puma::{Scene, What, puma, puma_with, stanford, table, two_pumas};
 use truing::manifold::Plane;
 use truing::nalgebra::Vector3;
 use truing_robot::Robot;
@@ -13,7 +13,6 @@ use truing_robot::calibration::{Arm, Asked, Identification, Measured, RobotQuest
 use truing_robot::file::Kind::{
     self, Distance, KnownPlane, Pose, Position, SamePoint, UnknownPlane,
 };
-use truing_robot::file::RobotFile;
 
 fn kinds(kinds: &[Kind]) -> Vec<Asked> {
     kinds.iter().map(|kind| Asked::Kind(*kind)).collect()
@@ -367,22 +366,7 @@ fn the_scale_is_free_only_for_a_robot_that_can_grow() {
 /// How far the third joint of the Stanford arm slides is known, unless its gain is in question.
 #[test]
 fn a_sliding_joint_knows_the_scale() {
-    let text = r#"
-        convention = "khalil-kleinfinger"
-        units = { angle = "deg", length = "m" }
-        name = "Stanford"
-        base = { theta = 17.0, r = 0.4 }
-        tool = { alpha = 17.0, d = 0.12, theta = 23.0, r = 0.08 }
-        joint = [
-            { name = "q1", type = "revolute", alpha = 11.0, d = 0.15, theta = 5.0, r = 0.25 },
-            { name = "q2", type = "revolute", alpha = -90.0, r = 0.154 },
-            { name = "q3", type = "prismatic", alpha = 90.0, limits = [0.15, 1.0] },
-            { name = "q4", type = "revolute" },
-            { name = "q5", type = "revolute", alpha = -90.0 },
-            { name = "q6", type = "revolute", alpha = 90.0 },
-        ]
-    "#;
-    let robot = Robot::new(&RobotFile::parse(text, "stanford.toml").unwrap());
+    let robot = stanford();
     let expected = [
         (Pose, 28, (0, 0, 0)),
         (Position, 25, (0, 0, 0)),

@@ -38,6 +38,26 @@ pub fn puma_with(from: &str, to: &str) -> Robot {
     Robot::new(&RobotFile::parse(&text.replacen(from, to, 1), "puma560.toml").unwrap())
 }
 
+/// The Stanford arm, its third joint sliding, on a generic base and with a generic tool.
+pub fn stanford() -> Robot {
+    let text = r#"
+        convention = "khalil-kleinfinger"
+        units = { angle = "deg", length = "m" }
+        name = "Stanford"
+        base = { theta = 17.0, r = 0.4 }
+        tool = { alpha = 17.0, d = 0.12, theta = 23.0, r = 0.08 }
+        joint = [
+            { name = "q1", type = "revolute", alpha = 11.0, d = 0.15, theta = 5.0, r = 0.25 },
+            { name = "q2", type = "revolute", alpha = -90.0, r = 0.154 },
+            { name = "q3", type = "prismatic", alpha = 90.0, limits = [0.15, 1.0] },
+            { name = "q4", type = "revolute" },
+            { name = "q5", type = "revolute", alpha = -90.0 },
+            { name = "q6", type = "revolute", alpha = 90.0 },
+        ]
+    "#;
+    Robot::new(&RobotFile::parse(text, "stanford.toml").unwrap())
+}
+
 /// Two PUMAs, `left` and `right`, that reach into each other's workspace.
 pub fn two_pumas() -> Vec<Arm> {
     let right = puma_with(

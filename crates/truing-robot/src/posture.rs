@@ -1,7 +1,8 @@
 //! Postures that satisfy a geometric condition exactly, found by damped Newton steps on the joints.
 
 use crate::kinematics::{DifferentiateChain, FrameWise, JointKind, Regressor, Robot};
-use rand::Rng;
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 use truing::nalgebra::{DMatrix, DVector, Vector3};
 
 /// Residual below which a condition holds \[m\].
@@ -50,6 +51,22 @@ pub fn random(limits: &[[f64; 2]], rng: &mut impl Rng) -> Vec<f64> {
         .iter()
         .map(|[lower, upper]| lower + (upper - lower) * rng.random::<f64>())
         .collect()
+}
+
+/// The size of a robot's workspace: RMS distance of the tool from its mean over `count` random postures
+/// \[m\]; the same seed draws the same postures.
+pub fn spread(robot: &Robot, parameters: &[f64], count: usize, seed: u64) -> f64 {
+    let limits = limits(robot);
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let tips: Vec<Vector3<f64>> = (0..count)
+        .map(|_| {
+            let q = random(&limits, &mut rng);
+            robot.forward(parameters, &q).translation
+        })
+        .collect();
+    let mean = tips.iter().sum::<Vector3<f64>>() / count as f64;
+    let squares: f64 = tips.iter().map(|tip| (tip - mean).norm_squared()).sum();
+    (squares / count as f64).sqrt()
 }
 
 /// A posture well inside the joint limits and away from singular ones, so that a location near the

@@ -11,7 +11,7 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 use std::time::{Duration, Instant};
-use truing::{LeastSquares, Linearization, Loss, check};
+use truing::{LeastSquares, Linearization, check};
 
 /// A way to differentiate, to be compared with the calibration's own.
 pub struct Way {
@@ -143,10 +143,7 @@ impl Calibration {
         ways: &[Way],
     ) -> Result<SetCheck, Error> {
         // A robust loss weighs rows alike in every way: leave it out.
-        let set = MeasurementSet {
-            loss: Loss::Trivial,
-            ..set.clone()
-        };
+        let set = set.unweighted();
         let sets = std::slice::from_ref(&set);
         let assemble = |state: &State, derivatives: &Derivatives| {
             Assembly::new(&self.arms, sets, state, derivatives)

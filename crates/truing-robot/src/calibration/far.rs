@@ -19,7 +19,6 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
-use truing::nalgebra::Vector3;
 use truing::solver::{Evaluations, run};
 use truing::{LeastSquares, Linearization, Method, Settings, Tolerances, Values};
 
@@ -190,20 +189,10 @@ impl Calibration {
     /// from their middle.
     fn reach(&self) -> f64 {
         const POSTURES: usize = 100;
-        let sizes = self.arms.iter().map(|arm| {
-            let limits = posture::limits(&arm.robot);
-            let nominal = arm.robot.nominal();
-            let mut rng = ChaCha8Rng::seed_from_u64(0);
-            let tips: Vec<Vector3<f64>> = (0..POSTURES)
-                .map(|_| {
-                    let q = posture::random(&limits, &mut rng);
-                    arm.robot.forward(&nominal, &q).translation
-                })
-                .collect();
-            let middle = tips.iter().sum::<Vector3<f64>>() / POSTURES as f64;
-            let squares: f64 = tips.iter().map(|tip| (tip - middle).norm_squared()).sum();
-            (squares / POSTURES as f64).sqrt()
-        });
+        let sizes = self
+            .arms
+            .iter()
+            .map(|arm| posture::spread(&arm.robot, &arm.robot.nominal(), POSTURES, 0));
         let reach = 4.0 / 3.0 * sizes.sum::<f64>() / self.arms.len().max(1) as f64;
         if reach > 0.0 { reach } else { 1.0 }
     }

@@ -19,13 +19,11 @@ use crate::constraint::Derivatives;
 use crate::error::Error;
 use crate::kinematics::{ParameterKind, Robot, Unit};
 use crate::posture;
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
 use truing::Loss;
 use truing::identifiability::{
     ColumnStatus, Observability, base_columns, eliminate, singular_values,
 };
-use truing::nalgebra::{DMatrix, Vector3};
+use truing::nalgebra::DMatrix;
 
 /// Sets of more planes than this are one step.
 const PLANES: usize = 10;
@@ -215,14 +213,7 @@ impl Question {
         allowed: &[Choice],
     ) -> Result<(Vec<Choice>, DataAnswer), Error> {
         let (arms, state) = (&self.arms, &self.state);
-        let plain: Vec<MeasurementSet> = self
-            .sets
-            .iter()
-            .map(|set| MeasurementSet {
-                loss: Loss::Trivial,
-                ..set.clone()
-            })
-            .collect();
+        let plain: Vec<MeasurementSet> = self.sets.iter().map(MeasurementSet::unweighted).collect();
         let assembly = Assembly::new(arms, &plain, state, &self.derivatives)?;
         let wanted = [columns.local, columns.asked].concat();
         let robot = |(r, p): &(usize, usize)| assembly.robot(*r).column() + p;
@@ -386,19 +377,8 @@ fn identified(assembly: &Assembly, choices: &[Choice]) -> Vec<Identified> {
 
 /// RMS distance of the tools from their mean over random postures \[m\]: the size of the workspace.
 fn characteristic_length(arms: &[Arm], state: &State) -> f64 {
-    let sizes = arms.iter().zip(&state.robots).map(|(arm, parameters)| {
-        let limits = posture::limits(&arm.robot);
-        let mut rng = ChaCha8Rng::seed_from_u64(SEED);
-        let tips: Vec<Vector3<f64>> = (0..POSTURES)
-            .map(|_| {
-                let q = posture::random(&limits, &mut rng);
-                arm.robot.forward(parameters, &q).translation
-            })
-            .collect();
-        let mean = tips.iter().sum::<Vector3<f64>>() / POSTURES as f64;
-        let squares = tips.iter().map(|tip| (tip - mean).norm_squared());
-        (squares.sum::<f64>() / POSTURES as f64).sqrt()
-    });
+    let robots = arms.iter().zip(&state.robots);
+    let sizes = robots.map(|(arm, p)| posture::spread(&arm.robot, p, POSTURES, SEED));
     let length = sizes.sum::<f64>() / arms.len().max(1) as f64;
     if length > 0.0 { length } else { 1.0 }
 }

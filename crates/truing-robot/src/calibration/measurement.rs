@@ -236,6 +236,16 @@ impl MeasurementSet {
         }
     }
 
+    /// The same measurements, weighed by their standard deviations alone: a robust loss weighs rows by
+    /// how far an estimate is off.
+    #[must_use]
+    pub fn unweighted(&self) -> Self {
+        Self {
+            loss: Loss::Trivial,
+            ..self.clone()
+        }
+    }
+
     /// The same set with another standard deviation of its lengths \[m\].
     #[must_use]
     pub fn sigma(mut self, position: f64) -> Self {

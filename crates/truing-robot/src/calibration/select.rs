@@ -14,7 +14,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use truing::identifiability::{ColumnStatus, base_columns};
 use truing::nalgebra::{DMatrix, DVector};
-use truing::{LeastSquares, Linearization, Loss, step};
+use truing::{LeastSquares, Linearization, step};
 
 /// What is left of a scaled column at configurations that satisfy the constraints exactly: true
 /// rank keeps about 1e-2, a dependent column about 1e-16; tables written to five digits in between.
@@ -231,14 +231,7 @@ pub(super) fn excited(
     wanted: &[usize],
     with_prior: &[usize],
 ) -> Result<Vec<Choice>, Error> {
-    // A robust loss would weigh rows by how far the start is off.
-    let plain: Vec<MeasurementSet> = sets
-        .iter()
-        .map(|set| MeasurementSet {
-            loss: Loss::Trivial,
-            ..set.clone()
-        })
-        .collect();
+    let plain: Vec<MeasurementSet> = sets.iter().map(MeasurementSet::unweighted).collect();
     let data = Assembly::new(arms, &plain, state, derivatives)?;
     let mut kept: Vec<usize> = wanted
         .iter()

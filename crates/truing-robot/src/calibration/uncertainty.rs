@@ -6,7 +6,7 @@ use super::run::Calibration;
 use super::select::Choice;
 use super::state::{Owner, State};
 use crate::error::Error;
-use truing::{Covariance, LeastSquares, Loss};
+use truing::{Covariance, LeastSquares};
 
 /// Standard deviations at a solution.
 pub(super) struct Uncertainty {
@@ -37,14 +37,7 @@ impl Calibration {
         state: &State,
         choices: &[Choice],
     ) -> Result<Uncertainty, Error> {
-        let plain: Vec<MeasurementSet> = self
-            .sets
-            .iter()
-            .map(|set| MeasurementSet {
-                loss: Loss::Trivial,
-                ..set.clone()
-            })
-            .collect();
+        let plain: Vec<MeasurementSet> = self.sets.iter().map(MeasurementSet::unweighted).collect();
         let (assembly, shares) = self.assembled(&plain, state, choices, 1.0)?;
         let covariance = Covariance::at(&assembly.problem, assembly.problem.initial())?;
         let by_priors: f64 = shares

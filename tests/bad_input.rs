@@ -886,3 +886,364 @@ fn a_folder_that_cannot_be_written_is_said_before_the_calibration() {
         .advises("permissions");
     }
 }
+
+// Strategies and methods.
+
+#[test]
+fn an_unknown_strategy_is_said_with_the_known_ones() {
+    refused(&with_estimate("strategy = \"continuation\""))
+        .at("calibration.toml", 5)
+        .says(&["`strategy`", "continuation", "`auto` or `direct`"])
+        .advises("`direct`");
+    refused(&with_estimate("jacobian = \"analitic\""))
+        .at("calibration.toml", 5)
+        .says(&["analitic", "`analytic`"])
+        .advises("did you mean `analytic`?");
+}
+
+#[test]
+fn a_method_of_another_kind_is_said_with_those_of_this_one() {
+    refused(&with_key("method = \"vector-products\"\n"))
+        .at("calibration.toml", 8)
+        .says(&["the method `vector-products` is for unknown-plane, not for position"])
+        .advises("the methods for position are paper");
+    let cell = with_groups("unknown-plane", "plane", &["wall"; 6]);
+    cell.append("calibration.toml", "method = \"fixed-plane\"\n");
+    refused(&cell)
+        .at("calibration.toml", 8)
+        .says(&["the method `fixed-plane` is for known-plane, not for unknown-plane"])
+        .advises("paper, vector-products");
+    refused(&with_key("method = 3\n"))
+        .at("calibration.toml", 8)
+        .says(&["`method`", "the integer 3", "a text in quotes"]);
+}
+
+/// A cell whose data are touches of a known plane.
+fn with_known_plane(lines: &str) -> Cell {
+    let cell = with("\"position\"", "\"known-plane\"");
+    cell.append("calibration.toml", lines);
+    cell
+}
+
+#[test]
+fn a_known_plane_is_given_or_its_methods_own() {
+    refused(&with_known_plane(""))
+        .at("calibration.toml", 4)
+        .says(&["has no `plane`", "normal = ", "{ a, b, c }"]);
+    refused(&with_known_plane("method = \"paper\"\n"))
+        .at("calibration.toml", 4)
+        .says(&["has no `plane`"])
+        .advises("add plane = ");
+    let plane = "plane = { normal = [0, 0, 1], distance = 0 }\n";
+    refused(&with_known_plane(&format!(
+        "method = \"fixed-plane\"\n{plane}"
+    )))
+    .at("calibration.toml", 9)
+    .says(&["a plane of its own"])
+    .advises("remove the key");
+    refused(&with_known_plane(&format!("method = \"paper\"\n{plane}")))
+        .at("calibration.toml", 8)
+        .says(&["plane through the origin"])
+        .advises("leave `method` out");
+    refused(&with_known_plane("plane = \"random\"\n"))
+        .at("calibration.toml", 8)
+        .says(&["found the text \"random\"", "{ a, b, c }"])
+        .advises("two forms");
+}
+
+// Locations.
+
+#[test]
+fn locations_need_their_column_and_two_visits() {
+    refused(&with_groups("same-location", "place", &["a", "a"]))
+        .at("calibration.toml", 4)
+        .says(&["no column `location`", "place"])
+        .advises("group = ");
+    refused(&with_groups("same-location", "location", &["a", "b"]))
+        .at("tracker.csv", 2)
+        .says(&["2 locations", "`a` (1), `b` (1); expected at least 2"])
+        .advises("at least 2 times");
+    let cell = with_groups("same-location", "location", &["a", "a"]);
+    cell.append("calibration.toml", "frame = \"tracker\"\n");
+    refused(&cell)
+        .at("calibration.toml", 8)
+        .says(&["same-location", "only `pose` or `position` takes this key"]);
+}
+
+#[test]
+fn a_table_of_standard_deviations_is_of_positions_and_rotations() {
+    let table = |sigma: &str| {
+        let cell = with_groups("same-location", "location", &["a", "a"]);
+        cell.edit("calibration.toml", "\"0.05 mm\"", sigma);
+        refused(&cell)
+    };
+    table("{ position = \"0.1 mm\" }")
+        .at("calibration.toml", 7)
+        .says(&["`sigma` has no `rotation`", "an angle"])
+        .advises("rotation = ");
+    table("{ position = \"0.1 mm\", rotation = \"1 mm\" }")
+        .at("calibration.toml", 7)
+        .says(&["`rotation`", "found a length; expected an angle"]);
+    table("{ position = \"0.1 mm\", rotation = 0 }")
+        .at("calibration.toml", 7)
+        .says(&["found 0; expected more than 0"]);
+    table("{ position = \"0.1 mm\", rotation = 1e-4, angle = 1 }")
+        .at("calibration.toml", 7)
+        .says(&["unknown key `angle` in `sigma`"])
+        .advises("`rotation`");
+    let both = "{ position = \"0.1 mm\", rotation = 1e-4 }";
+    refused(&with("\"0.05 mm\"", both))
+        .at("calibration.toml", 7)
+        .says(&[
+            "found a table; expected a length",
+            "position have no rotation",
+        ])
+        .advises("one length");
+}
+
+// Simulations.
+
+/// Simulates a constraint of a kind with more lines, from line 7 on.
+#[track_caller]
+fn simulated(kind: &str, lines: &str) -> Refusal {
+    let cell = Cell::new();
+    cell.write(
+        "simulation.toml",
+        format!(
+            "[robot]\nfile = \"robot.toml\"\n[[constraint]]\nkind = \"{kind}\"\ndata = \"t.csv\"\ncount = 4\n{lines}\n"
+        ),
+    );
+    refused_with(&cell, &["simulate", "simulation.toml", "--output", "out"])
+}
+
+#[test]
+fn a_simulated_plane_is_a_plane_or_random() {
+    simulated("known-plane", "plane = \"rnadom\"")
+        .at("simulation.toml", 7)
+        .says(&["\"rnadom\"", "expected \"random\"", "{ a, b, c }"])
+        .advises("did you mean `random`?");
+    simulated("known-plane", "")
+        .at("simulation.toml", 3)
+        .says(&["has no `plane`", "\"random\""]);
+    simulated("unknown-plane", "plane = \"random\"")
+        .at("simulation.toml", 7)
+        .says(&["`plane`", "only `known-plane` takes this key"]);
+    simulated("unknown-plane", "planes = \"two\"")
+        .at("simulation.toml", 7)
+        .says(&["\"two\"", "a number of planes, or a list of planes"]);
+}
+
+#[test]
+fn a_distance_of_planes_is_of_planes_that_are_drawn() {
+    simulated("known-plane", "plane = \"random\"\nplane_distance = -0.1")
+        .at("simulation.toml", 8)
+        .says(&["`plane_distance`", "found -0.1; expected 0 or more"])
+        .advises("without a sign");
+    simulated("unknown-plane", "plane_distance = \"2 deg\"")
+        .at("simulation.toml", 7)
+        .says(&["found an angle; expected a length"]);
+    simulated(
+        "unknown-plane",
+        "planes = [{ a = 1, b = 1, c = 1 }]\nplane_distance = 0.3",
+    )
+    .at("simulation.toml", 8)
+    .says(&["the planes are given"])
+    .advises("planes = 1");
+    simulated("unknown-plane", "plane_distance = 99")
+        .at("simulation.toml", 3)
+        .says(&["starting postures", "plane `1`"])
+        .advises("units");
+}
+
+#[test]
+fn simulated_locations_are_a_number_or_poses() {
+    simulated("same-location", "locations = []")
+        .at("simulation.toml", 7)
+        .says(&["an empty list", "a number of locations"])
+        .advises("1 or more");
+    simulated("same-location", "locations = 0")
+        .at("simulation.toml", 7)
+        .says(&["found 0", "a number of locations"]);
+    simulated("same-location", "locations = [[0, 0, 1]]")
+        .at("simulation.toml", 7)
+        .says(&["a list of 3", "qw, qx, qy, qz"]);
+    simulated("same-point", "locations = 2")
+        .at("simulation.toml", 7)
+        .says(&["`locations`", "only `same-location` takes this key"]);
+    simulated(
+        "same-point",
+        "[errors]\nangle = 1\ndistribution = \"normla\"",
+    )
+    .at("simulation.toml", 9)
+    .says(&["`normla`", "\"uniform\" or \"normal\""])
+    .advises("did you mean `normal`?");
+}
+
+// Studies.
+
+const STUDY: &str = r#"trials = 1
+configurations = 5
+[robot]
+file = "robot.toml"
+[errors]
+angle = "1 mrad"
+[[case]]
+name = "tracker"
+[[case.constraint]]
+kind = "position"
+count = 30
+[[method]]
+name = "LM"
+"#;
+
+#[test]
+fn mistakes_in_a_study_are_shown_where_they_are() {
+    for (from, to, line, words, advice) in [
+        ("trials = 1", "trials = \"many\"", 1, "\"many\"", "integer"),
+        (
+            "configurations = 5",
+            "configurations = 0",
+            2,
+            "found 0",
+            "configurations",
+        ),
+        (
+            "angle = \"1 mrad\"",
+            "",
+            5,
+            "does not say how wrong",
+            "tool_error",
+        ),
+        (
+            "angle = \"1 mrad\"",
+            "distribution = \"even\"",
+            6,
+            "`even`",
+            "`normal`",
+        ),
+        (
+            "name = \"tracker\"",
+            "",
+            7,
+            "[[case]] has no `name`",
+            "name = ",
+        ),
+        (
+            "[[case.constraint]]\nkind = \"position\"\ncount = 30",
+            "",
+            7,
+            "has no constraint",
+            "[[case.constraint]]",
+        ),
+        ("count = 30", "", 9, "has no `count`", "count = "),
+        (
+            "count = 30",
+            "count = 30\nlocations = 2",
+            12,
+            "only `same-location`",
+            "`kind`",
+        ),
+        (
+            "name = \"LM\"",
+            "",
+            12,
+            "[[method]] has no `name`",
+            "name = ",
+        ),
+        (
+            "name = \"LM\"",
+            "name = \"LM\"\nstrategy = \"far\"",
+            14,
+            "`auto` or `direct`",
+            "`direct`",
+        ),
+        (
+            "[[method]]\nname = \"LM\"",
+            "",
+            0,
+            "no [[method]]",
+            "[[method]]",
+        ),
+    ] {
+        let cell = Cell::new();
+        cell.write("study.toml", STUDY);
+        cell.edit("study.toml", from, to);
+        refused_with(&cell, &["study", "study.toml", "--output", "out"])
+            .at("study.toml", line)
+            .says(&[words])
+            .advises(advice);
+    }
+}
+
+// Commands.
+
+#[test]
+fn every_command_names_a_file_that_is_missing_or_another() {
+    let cell = Cell::new();
+    cell.write("study.toml", STUDY);
+    for command in ["check", "identify", "study"] {
+        refused_with(&cell, &[command, "none.toml"])
+            .at("none.toml", 0)
+            .says(&["does not exist"])
+            .advises("check the path");
+        refused_with(&cell, &[command, "."])
+            .at(".", 0)
+            .says(&["is a folder; expected a file"]);
+    }
+    for command in ["check", "study"] {
+        refused_with(&cell, &[command, "robot.toml"])
+            .at("robot.toml", 0)
+            .says(&["there is no [robot]"]);
+    }
+    refused_with(&cell, &["check", "study.toml"])
+        .at("study.toml", 1)
+        .says(&["unknown key `trials` in this calibration file"]);
+    refused_with(&cell, &["study", "calibration.toml"])
+        .at("calibration.toml", 0)
+        .says(&["there is no [errors]"]);
+    refused_with(&cell, &["identify", "study.toml"])
+        .at("study.toml", 0)
+        .says(&["a study file; expected a calibration or a robot"])
+        .advises("robot file");
+    cell.edit("calibration.toml", "\"tracker.csv\"", "\"none.csv\"");
+    for command in ["check", "identify"] {
+        refused_with(&cell, &[command, "calibration.toml"])
+            .at("calibration.toml", 6)
+            .says(&["none.csv", "does not exist"]);
+    }
+}
+
+#[test]
+fn a_plane_on_the_command_line_is_four_numbers() {
+    let cell = Cell::new();
+    for plane in ["0,0,1", "a,b,c,d", "0;0;1;0.4", "0,0,0,1"] {
+        refused_with(&cell, &["identify", "robot.toml", "--plane", plane])
+            .says(&["--plane", plane, "expected"])
+            .advises("--plane 0,0,1,0.4");
+    }
+}
+
+#[test]
+fn arguments_that_make_no_sense_end_with_status_2_and_say_what_would() {
+    let cell = Cell::new();
+    for (arguments, words) in [
+        (&[][..], "Usage: truing"),
+        (&["calibrat", "calibration.toml"], "'calibrate'"),
+        (&["calibrate"], "<FILE>"),
+        (&["calibrate", "calibration.toml", "--forse"], "'--force'"),
+        (
+            &["calibrate", "calibration.toml", "--timeout", "0"],
+            "--timeout",
+        ),
+        (&["check", "a.toml", "b.toml"], "'b.toml'"),
+        (&["identify", "robot.toml", "--planes", "99"], "1..=20"),
+        (&["simulate", "simulation.toml"], "--output <DIR>"),
+        (&["study", "study.toml", "--trials", "0"], "--trials"),
+        (&["study", "study.toml", "--threads", "x"], "--threads"),
+    ] {
+        let run = cell.run(arguments);
+        assert_eq!(run.status, 2, "{arguments:?}");
+        assert_eq!(run.stdout, "");
+        assert!(run.stderr.contains(words), "{words} in {}", run.stderr);
+    }
+}

@@ -12,7 +12,7 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use truing_robot::file::{CalibrationFile, RobotFile, SimulationFile};
+use truing_robot::file::{CalibrationFile, RobotFile, SimulationFile, StudyFile};
 
 #[path = "../examples/custom_constraint.rs"]
 mod custom_constraint;
@@ -244,6 +244,7 @@ fn every_file_that_is_shown_can_be_read() {
             "robot" => RobotFile::read(&path).map(drop),
             "calibration" => CalibrationFile::read(&path).map(drop),
             "simulation" => SimulationFile::read(&path).map(drop),
+            "study" => StudyFile::read(&path).map(drop),
             // Wrong on purpose: its message is shown.
             "misspelt" => {
                 assert!(CalibrationFile::read(&path).is_err());

@@ -227,7 +227,7 @@ fn a_method_that_is_not_there_is_said_with_those_that_are() {
         ),
         (
             "kind = \"position\"\nmethod = \"vector-products\"",
-            ["no method", "paper"],
+            ["is for unknown-plane, not for position", "paper"],
         ),
         (
             "kind = \"known-plane\"\nmethod = \"paper\"",

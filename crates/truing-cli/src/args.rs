@@ -5,9 +5,9 @@ use std::path::PathBuf;
 
 /// Makes robots true to their measurements.
 ///
-/// Exit status: 0 converged; 1 did not converge or must not be trusted (it says why); 2 bad input.
+/// Exit status: 0 all is well; 1 there is an answer, and it says why not to rely on it; 2 bad input.
 #[derive(Debug, Parser)]
-#[command(name = "truing", version, about, long_about, max_term_width = 100)]
+#[command(name = "truing", version, max_term_width = 100)]
 pub struct Arguments {
     /// What to do.
     #[command(subcommand)]
@@ -22,22 +22,21 @@ pub struct Arguments {
     pub verbose: u8,
 }
 
+// A comment on a variant would hide that of its arguments from `--help`.
 /// What to do.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Calibrate robots from measurements.
     Calibrate(Calibrate),
-    /// Compare automatic, analytic and numeric Jacobians on a calibration file.
     Check(Check),
-    /// Say what measurements can identify, and what they cannot see.
     Identify(Identify),
-    /// Make data by simulating robots with known errors.
     Simulate(Simulate),
-    /// Find out how often methods recover robots: a Monte-Carlo study.
     Study(Study),
 }
 
 /// Calibrate robots from measurements.
+///
+/// Exit status: 0 converged, and to be trusted; 1 not converged, or not to be trusted (it says why);
+/// 2 bad input.
 #[derive(Debug, Args)]
 pub struct Calibrate {
     /// Calibration file (TOML): robots, what to estimate, constraints and their data.
@@ -47,11 +46,11 @@ pub struct Calibrate {
     #[arg(short, long, value_name = "DIR")]
     pub output: Option<PathBuf>,
 
-    /// Write into a folder that is already there, and also if the result must not be trusted.
+    /// Write into a folder that holds something already, and also if the result must not be trusted.
     #[arg(long)]
     pub force: bool,
 
-    /// Write the files also if the result must not be trusted.
+    /// Write the files also if the result must not be trusted, but only into a new or an empty folder.
     #[arg(long)]
     pub keep_untrusted: bool,
 
@@ -62,10 +61,12 @@ pub struct Calibrate {
 
 /// Compare automatic, analytic and numeric Jacobians on a calibration file.
 ///
-/// Exit status: 0 they agree; 1 they do not; 2 bad input.
+/// Each is compared with frame-wise automatic differentiation (`auto`), column by column, and timed.
+///
+/// Exit status: 0 all agree; 1 some differ; 2 bad input.
 #[derive(Debug, Args)]
 pub struct Check {
-    /// Calibration file (TOML).
+    /// Calibration file (TOML); its data say at which joint values.
     pub file: PathBuf,
 }
 
@@ -88,8 +89,8 @@ pub struct Identify {
     /// Calibration file or robot file (TOML).
     pub file: PathBuf,
 
-    /// What would be measured: position, pose, known-plane, unknown-plane, same-point or distance;
-    /// once for each kind. Planes, points and distances are drawn within reach.
+    /// What would be measured: position, pose, known-plane, unknown-plane, same-point, same-location or
+    /// distance; once for each kind. Planes, points, locations and distances are drawn within reach.
     #[arg(long = "kind", value_name = "KIND", help_heading = ROBOT)]
     pub kinds: Vec<String>,
 
@@ -131,16 +132,18 @@ pub struct Identify {
 const ROBOT: &str = "For a robot file";
 
 /// Make data by simulating robots with known errors.
+///
+/// Exit status: 0 written; 2 bad input.
 #[derive(Debug, Args)]
 pub struct Simulate {
     /// Simulation file (TOML): robots, their errors, what is measured.
     pub file: PathBuf,
 
-    /// Folder for the data and the true robots; made if it is not there.
+    /// Folder for the data, a calibration file for them and the true robots; made if it is not there.
     #[arg(short, long, value_name = "DIR")]
     pub output: PathBuf,
 
-    /// Write into a folder that is already there.
+    /// Write into a folder that holds something already.
     #[arg(long)]
     pub force: bool,
 
@@ -150,6 +153,11 @@ pub struct Simulate {
 }
 
 /// Find out how often methods recover robots: a Monte-Carlo study.
+///
+/// True robots are drawn, measured and estimated again by every method, many times. Ctrl-C ends it after
+/// the trials under way: they are reported, and nothing is written.
+///
+/// Exit status: 0 all trials were run; 1 stopped before; 2 bad input.
 #[derive(Debug, Args)]
 pub struct Study {
     /// Study file (TOML): robot, errors, what is measured, methods.
@@ -159,11 +167,11 @@ pub struct Study {
     #[arg(short, long, value_name = "DIR")]
     pub output: Option<PathBuf>,
 
-    /// Write into a folder that is already there.
+    /// Write into a folder that holds something already.
     #[arg(long)]
     pub force: bool,
 
-    /// Threads; all processors by default. The result does not depend on it.
+    /// How many threads; by default one for each processor. The result does not depend on it.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub threads: Option<u16>,
 

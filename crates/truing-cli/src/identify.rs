@@ -42,6 +42,11 @@ fn file_kind(path: &Path) -> Result<FileKind, InputError> {
     let document = Document::parse(&source)?;
     let root = document.root();
     let has = |keys: &[&str]| keys.iter().any(|key| root.peek(key).is_some());
+    if has(&["case", "method"]) {
+        return Err(source
+            .error("this is a study file; expected a calibration or a robot")
+            .with_help("name a calibration file, or the robot file and what would be measured"));
+    }
     if has(&["errors", "seed"]) {
         return Err(source
             .error("this is a simulation file; expected a calibration or a robot")

@@ -103,7 +103,7 @@ fn truth(simulated: &Simulated) -> serde_json::Value {
             parameters.insert(arm.parameter_name(k), (*value).into());
         }
     }
-    let (mut planes, mut points) = (Vec::new(), Vec::new());
+    let (mut planes, mut points, mut locations) = (Vec::new(), Vec::new(), Vec::new());
     for (k, set) in simulated.sets.iter().enumerate() {
         for (g, plane) in truth.planes[k].iter().enumerate() {
             planes.push(serde_json::json!({
@@ -114,6 +114,13 @@ fn truth(simulated: &Simulated) -> serde_json::Value {
         for (g, point) in truth.points[k].iter().enumerate() {
             points.push(serde_json::json!({
                 "constraint": set.name, "group": (g + 1).to_string(), "position": [point.x, point.y, point.z],
+            }));
+        }
+        for (g, location) in truth.locations[k].iter().enumerate() {
+            let t = location.translation;
+            locations.push(serde_json::json!({
+                "constraint": set.name, "group": (g + 1).to_string(),
+                "position": [t.x, t.y, t.z], "quaternion": location.quaternion(),
             }));
         }
     }
@@ -132,7 +139,11 @@ fn truth(simulated: &Simulated) -> serde_json::Value {
             serde_json::json!({ "name": name, "robot": simulated.arms[*robot].name, "position": [p.x, p.y, p.z] })
         })
         .collect();
-    serde_json::json!({
+    let mut truth = serde_json::json!({
         "parameters": parameters, "frames": frames, "targets": targets, "planes": planes, "points": points,
-    })
+    });
+    if !locations.is_empty() {
+        truth["locations"] = locations.into();
+    }
+    truth
 }

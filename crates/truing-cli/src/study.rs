@@ -137,7 +137,7 @@ fn shown(result: &StudyResult) -> String {
     if redrawn > 0 {
         let _ = writeln!(
             out,
-            "planes or points out of reach: drawn anew {redrawn} times, {unreached} trials given up"
+            "planes, points or locations out of reach: drawn anew {redrawn} times, {unreached} trials given up"
         );
     }
     if !result.complete {

@@ -230,7 +230,7 @@ impl Data<'_> {
                     )
                     .with_help(match nearest(&column, self.table.column_names()) {
                         Some(near) => format!("did you mean `{near}`?"),
-                        None => "name the columns that tell one plane or point from another, like group = [\"plane\", \"rep\"]".to_owned(),
+                        None => "name the columns that tell one plane, point or location from another, like group = [\"plane\", \"rep\"]".to_owned(),
                     }));
             }
             let cells = self.table.strings(&column, &self.rows)?;

@@ -125,17 +125,17 @@ pub struct Identification {
     pub rank: usize,
     /// The same by what they belong to.
     pub rank_of: RankOf,
-    /// Degrees of freedom of planes, points and unknown distances that are estimated beside them.
+    /// Degrees of freedom of planes, points, locations and unknown distances that are estimated beside them.
     pub beside: usize,
     /// What becomes of every parameter, then of components of sensor frames and tool points.
     pub parameters: Vec<Identified>,
     /// What the constraints cannot see, one entry a dimension.
     pub symmetries: Vec<String>,
-    /// What moves and grows with the robot: sensor frames, and sets of planes, points and unknown distances.
+    /// What moves and grows with the robot: sensor frames, and sets of planes, points, locations and unknown distances.
     pub together_with: Vec<String>,
     /// The rank after each constraint.
     pub steps: Vec<Step>,
-    /// Of the structural Jacobian of the columns asked about, planes, points and distances
+    /// Of the structural Jacobian of the columns asked about, planes, points, locations and distances
     /// eliminated; the largest first.
     pub singular_values: Vec<f64>,
     /// Between the smallest singular value that counts and the largest that does not.

@@ -11,7 +11,7 @@ use crate::error::Error;
 use crate::file::{
     BoundSpec, CalibrationFile, ConstraintSpec, DistanceSpec, EstimateSpec, InputError,
     JacobianKind, Kind, LossSpec, Quantity, RobotFile, RobotRef, SigmaSpec, SolverKind, Source,
-    Spanned, StrategyKind, Table,
+    Spanned, StrategyKind, Table, nearest,
 };
 use crate::kinematics::{Robot, Unit};
 use std::collections::BTreeMap;
@@ -326,6 +326,10 @@ impl Loader<'_> {
                 .apply(table)
                 .map_err(|e| e.moved_to(&self.file.source, selection.span.clone()))?,
         };
+        let form = match &spec.method {
+            Some(method) => Some(self.form(method, spec.kind)?),
+            None => None,
+        };
         let data = Data {
             file: self.file,
             spec,
@@ -421,7 +425,7 @@ impl Loader<'_> {
             .or(spec.target.as_ref());
         let sigma = data.sigmas()?;
         let one_length = matches!(spec.sigma, Some(SigmaSpec::Single(q)) if q.dimension.is_some());
-        if spec.kind == Kind::Pose && one_length {
+        if spec.kind.has_rotation() && one_length {
             self.notes.push(format!(
                 "`{}`: sigma says nothing of rotations, 0.1 mrad is taken; say sigma = {{ position = \"…\", rotation = \"…\" }}",
                 spec.name
@@ -453,36 +457,52 @@ impl Loader<'_> {
             )),
             form: None,
         };
-        if let Some(method) = &spec.method {
-            set.form = Some(self.form(method, spec.kind, &set)?);
+        if let (Some(form), Some(method)) = (form, &spec.method) {
+            form.check(&set).map_err(|message| {
+                self.file
+                    .error_at(method.span.clone(), message)
+                    .with_help("change the measurements, or leave `method` out")
+            })?;
+            set.form = Some(form);
         }
         Ok(set)
     }
 
     /// The form that a method is for a kind.
-    fn form(
-        &self,
-        method: &Spanned<String>,
-        kind: Kind,
-        set: &MeasurementSet,
-    ) -> Result<Arc<dyn Form>, InputError> {
+    fn form(&self, method: &Spanned<String>, kind: Kind) -> Result<Arc<dyn Form>, InputError> {
         let found = self
             .plugins
             .iter()
             .find_map(|plugin| plugin.form(&method.value, kind));
-        let wrong = |message: String| self.file.error_at(method.span.clone(), message);
-        let Some(form) = found else {
-            let all = self.plugins.iter().flat_map(|plugin| plugin.methods());
-            let names: Vec<&str> = all.filter(|(_, k)| *k == kind).map(|(m, _)| m).collect();
-            let message = format!("there is no method `{}` for {}", method.value, kind.name());
-            return Err(wrong(message).with_help(match names.as_slice() {
-                [] => "leave `method` out".to_owned(),
-                names => format!("the methods for it are {}", names.join(", ")),
-            }));
+        if let Some(form) = found {
+            return Ok(form);
+        }
+        let all: Vec<(&str, Kind)> = self.plugins.iter().flat_map(|p| p.methods()).collect();
+        let kinds = all.iter().filter(|(name, _)| *name == method.value);
+        let kinds: Vec<String> = kinds.map(|(_, kind)| kind.name().to_owned()).collect();
+        let message = if kinds.is_empty() {
+            format!("there is no method `{}`", method.value)
+        } else {
+            format!(
+                "the method `{}` is for {}, not for {}",
+                method.value,
+                listed(&kinds),
+                kind.name()
+            )
         };
-        form.check(set).map_err(|message| {
-            wrong(message).with_help("change the measurements, or leave `method` out")
-        })?;
-        Ok(form)
+        let names: Vec<&str> = all
+            .iter()
+            .filter(|(_, k)| *k == kind)
+            .map(|(m, _)| *m)
+            .collect();
+        let help = match (nearest(&method.value, names.iter().copied()), &names[..]) {
+            (Some(near), _) => format!("did you mean `{near}`?"),
+            (None, []) => format!("leave `method` out: {} has none", kind.name()),
+            (None, names) => format!("the methods for {} are {}", kind.name(), names.join(", ")),
+        };
+        Err(self
+            .file
+            .error_at(method.span.clone(), message)
+            .with_help(help))
     }
 }

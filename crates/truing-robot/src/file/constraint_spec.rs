@@ -461,7 +461,7 @@ mod tests {
                 "a length",
             ),
             ("same-point", "group = []", "empty list"),
-            ("known-plane", "plane = 1", "expected a table"),
+            ("known-plane", "plane = 1", "expected { normal"),
             ("known-plane", "plane = {}", "has no `normal`"),
             ("known-plane", "plane = { a = 1, b = 1 }", "has no `c`"),
             (

@@ -49,7 +49,10 @@ pub(super) fn sigma(item: &Item<'_>, kind: Kind, units: &Units) -> Result<SigmaS
         return Ok(SigmaSpec::Single(quantity));
     }
     if !kind.has_rotation() {
-        let message = format!("found a table; a {} has no rotation", kind.name());
+        let message = format!(
+            "found a table; expected a length: measurements of kind {} have no rotation",
+            kind.name()
+        );
         return Err(item
             .error(message)
             .with_help("write one length, like sigma = \"0.1 mm\""));
@@ -223,14 +226,20 @@ pub(super) fn plane(
     if table.peek("method").is_some() && table.peek("plane").is_none() {
         return Ok(None);
     }
-    let item = table.require("plane", PLANE_EXPECTED)?;
+    let item = table.require("plane", &format!("expected {PLANE_FORMS}"))?;
     plane_of(&item, units).map(Some)
 }
 
-const PLANE_EXPECTED: &str = "expected { normal = [0, 0, 1], distance = 0.4 } or { a, b, c }";
+/// The two forms of a plane.
+pub(super) const PLANE_FORMS: &str = "{ normal = [0, 0, 1], distance = 0.4 } or { a, b, c }";
 
 /// A plane in one of its two forms.
 pub(super) fn plane_of(item: &Item<'_>, units: &Units) -> Result<PlaneSpec, InputError> {
+    if !item.is_table() {
+        return Err(item
+            .wrong_type(PLANE_FORMS)
+            .with_help("write the plane as a table, in one of the two forms"));
+    }
     let mut table = item.table()?;
     let paper = ["a", "b", "c"];
     let by_paper = paper.iter().any(|key| table.peek(key).is_some());
@@ -239,7 +248,9 @@ pub(super) fn plane_of(item: &Item<'_>, units: &Units) -> Result<PlaneSpec, Inpu
         .any(|key| table.peek(key).is_some());
     if by_paper && by_normal {
         return Err(item
-            .error(format!("found both forms of a plane; {PLANE_EXPECTED}"))
+            .error(format!(
+                "found both forms of a plane; expected {PLANE_FORMS}"
+            ))
             .with_help("keep either `normal` and `distance`, or `a`, `b` and `c`"));
     }
     let (plane, normal) = if by_paper {

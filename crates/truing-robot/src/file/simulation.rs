@@ -7,8 +7,8 @@ use std::path::Path;
 use super::RobotRef;
 use super::calibration::{name_robots, robots};
 use super::constraint_spec::{Kind, PlaneSpec, SigmaSpec};
-use super::constraint_values::{plane, plane_of, point, pose, sigma, two_robots};
-use super::error::{InputError, Source};
+use super::constraint_values::{PLANE_FORMS, plane_of, point, pose, sigma, two_robots};
+use super::error::{InputError, Source, one_of, suggest};
 use super::item::Item;
 use super::quantity::{Dimension, Quantity, Units};
 use super::section::{Document, Section, Spanned, Spans};
@@ -174,7 +174,7 @@ fn size(item: &Item<'_>, dimension: Dimension) -> Result<f64, InputError> {
     }
     Err(item
         .error(format!("found {value}; expected 0 or more"))
-        .with_help("give the size of the errors without a sign"))
+        .with_help("write it without a sign"))
 }
 
 /// Sizes and distribution of random errors, and which parameters have them.
@@ -194,11 +194,13 @@ pub(super) fn errors(table: &mut Section<'_>) -> Result<ErrorSpec, InputError> {
             "normal" => true,
             "uniform" => false,
             other => {
+                let words = ["uniform", "normal"];
                 let message = format!("found `{other}`; expected \"uniform\" or \"normal\"");
-                return Err(table.get("distribution").map_or_else(
-                    || table.error(message.clone()),
-                    |item| item.error(message.clone()),
-                ));
+                let wrong = match table.peek("distribution") {
+                    Some(item) => item.error(message),
+                    None => table.error(message),
+                };
+                return Err(wrong.with_help(suggest(other, &words)));
             }
         };
     }
@@ -255,7 +257,12 @@ pub(super) fn constraint(
     let kind = Kind::read(&table.require("kind", "expected what is measured, like \"position\"")?)?;
     for (key, kinds) in KEYS_OF_KINDS {
         if let (false, Some(item)) = (kinds.contains(&kind), table.peek(key)) {
-            let message = format!("a {} has no such key", kind.name());
+            let names: Vec<&str> = kinds.iter().map(|kind| kind.name()).collect();
+            let message = format!(
+                "this is a {} constraint; only {} takes this key",
+                kind.name(),
+                one_of(&names)
+            );
             return Err(item
                 .error(message)
                 .with_help("remove the key, or change the `kind`"));
@@ -308,9 +315,21 @@ pub(super) fn constraint(
         None => [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0],
     };
     let drawn = |item: &Item<'_>| item.as_str() == Some("random");
-    let plane = match table.get("plane") {
-        Some(item) if drawn(&item) => None,
-        _ => plane(&mut table, kind, &Units::SI)?,
+    let plane = if kind == Kind::KnownPlane {
+        let forms = format!("\"random\", {PLANE_FORMS}");
+        let item = table.require("plane", &format!("expected {forms}"))?;
+        if drawn(&item) {
+            None
+        } else if item.is_table() {
+            Some(plane_of(&item, &Units::SI)?)
+        } else {
+            let word = item.as_str().unwrap_or_default();
+            return Err(item
+                .wrong_type(&forms)
+                .with_help(suggest(word, &["random"])));
+        }
+    } else {
+        None
     };
     let planes = places(
         &mut table,
@@ -398,11 +417,13 @@ fn places<T>(
             .map(one)
             .collect::<Result<Vec<T>, _>>()?;
         if listed.is_empty() {
-            return Err(item.error(format!("found an empty list; expected {expected}")));
+            return Err(item
+                .error(format!("found an empty list; expected {expected}"))
+                .with_help("write 1 or more, or leave the key out for one"));
         }
         return Ok(PlacesSpec::Listed(listed));
     }
-    let number = item.integer()?.value;
+    let number = item.integer().map_err(|_| item.wrong_type(expected))?.value;
     if number == 0 {
         return Err(item
             .error(format!("found 0; expected {expected}"))
@@ -457,7 +478,7 @@ mod tests {
             (&format!("{constraint}data = 'x.csv'\ncount = 0"), "found 0"),
             (
                 &format!("{constraint}data = 'x.csv'\ncount = 1\nplanes = 2"),
-                "no such key",
+                "only `unknown-plane` takes this key",
             ),
             (
                 &format!(

@@ -227,6 +227,12 @@ fn levels(mut table: Section<'_>) -> Result<(ErrorSpec, Vec<Spanned<f64>>), Inpu
                 ));
         }
     }
+    let said = ["angle", "length", "gain"];
+    if levels.is_empty() && said.iter().all(|key| table.peek(key).is_none()) {
+        return Err(table
+            .error("[errors] does not say how wrong the robots are; expected `tool_error`, or sizes of errors")
+            .with_help("add tool_error = [\"0.1 m\"], or `angle` and `length`"));
+    }
     table.finish()?;
     Ok((spec, levels))
 }

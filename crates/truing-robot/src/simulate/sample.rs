@@ -109,12 +109,12 @@ pub fn sample(
         Measured::UnknownPlane(groups) => {
             for (g, name) in groups.names.iter().enumerate() {
                 let (plane, near) = (state.planes[k][g], near(Some(g)));
+                let what = format!("plane `{name}`");
                 for _ in 0..sampling.count {
                     let distance = plane.distance + sampler.normal().x * noise.position;
-                    q.push(
-                        sampler
-                            .exact(&near, name, |q| on_plane(&posed, plane.normal, distance, q))?,
-                    );
+                    q.push(sampler.exact(&near, &what, |q| {
+                        on_plane(&posed, plane.normal, distance, q)
+                    })?);
                 }
             }
             Measured::UnknownPlane(in_turn(groups, sampling.count))
@@ -122,9 +122,10 @@ pub fn sample(
         Measured::SamePoint(groups) => {
             for (g, name) in groups.names.iter().enumerate() {
                 let near = near(Some(g));
+                let what = format!("point `{name}`");
                 for _ in 0..sampling.count {
                     let point = state.points[k][g] + sampler.normal() * noise.position;
-                    q.push(sampler.exact(&near, name, |q| at_point(&posed, &point, q))?);
+                    q.push(sampler.exact(&near, &what, |q| at_point(&posed, &point, q))?);
                 }
             }
             Measured::SamePoint(in_turn(groups, sampling.count))
@@ -132,6 +133,7 @@ pub fn sample(
         Measured::SameLocation(groups) => {
             for (g, name) in groups.names.iter().enumerate() {
                 let near = near(Some(g));
+                let what = format!("location `{name}`");
                 for _ in 0..sampling.count {
                     let location = state.locations[k][g];
                     let turn = so3::exp_matrix((sampler.normal() * noise.rotation).as_slice());
@@ -139,7 +141,7 @@ pub fn sample(
                         translation: location.translation + sampler.normal() * noise.position,
                         rotation: location.rotation * turn,
                     };
-                    q.push(sampler.exact(&near, name, |q| at_location(&posed, &location, q))?);
+                    q.push(sampler.exact(&near, &what, |q| at_location(&posed, &location, q))?);
                 }
             }
             Measured::SameLocation(in_turn(groups, sampling.count))
@@ -260,7 +262,7 @@ impl Sampler<'_> {
                 self.name, self.attempts
             ),
             help:
-                "check the robot table, where the plane or point is, the units and the joint limits"
+                "check the robot table, where the plane, point or location is, the units and the joint limits"
                     .into(),
         })
     }

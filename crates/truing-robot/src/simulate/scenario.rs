@@ -81,7 +81,8 @@ pub fn simulate(file: &SimulationFile, seed: Option<u64>) -> Result<Simulated, E
             noise: Some(noise(spec)),
             near: None,
         };
-        sets.push(sample(&arms, k, &template, &truth, &sampling, &mut rng)?);
+        let set = sample(&arms, k, &template, &truth, &sampling, &mut rng);
+        sets.push(set.map_err(|error| at_its_table(error, file, spec))?);
         files.push(spec.data.value.clone());
     }
     Ok(Simulated {
@@ -286,6 +287,17 @@ pub(crate) fn template(
     set.target = spec.target.as_ref().map(|t| t.value.clone());
     set.frame = spec.frame.as_ref().map(|f| f.value.clone());
     Ok(set)
+}
+
+/// What is out of reach is so at the table that asks for it.
+fn at_its_table(error: Error, file: &SimulationFile, spec: &SimulationSpec) -> Error {
+    match error {
+        Error::Unreachable { message, help } => file
+            .error_at(spec.spans.table(), message)
+            .with_help(help)
+            .into(),
+        other => other,
+    }
 }
 
 /// Refuses a frame or tool point that two constraints put at different places.

@@ -5,10 +5,11 @@ mod puma;
 
 use puma::{Scene, What, puma, table};
 use std::path::{Path, PathBuf};
-use truing::Method;
+use truing::{Loss, Method};
 use truing_planar::Planar;
 use truing_robot::calibration::{Arm, Calibration, Choice, Strategy};
 use truing_robot::file::StudyFile;
+use truing_robot::kinematics::ParameterKind;
 use truing_robot::study::load_study;
 
 fn examples() -> PathBuf {
@@ -133,29 +134,86 @@ fn a_near_start_takes_plain_steps() {
 fn gauss_newton_is_left_alone() {
     let (_, mut calibration) = calibration(1, 0.3);
     calibration.estimate.settings.method = Method::GaussNewton;
-    if let Ok(outcome) = calibration.run(&|_| {}) {
-        assert!(
-            !outcome
-                .result
-                .warnings
-                .iter()
-                .any(|w| w.contains("continuation"))
-        );
+    let outcome = calibration.run(&|_| {}).unwrap();
+    assert!(
+        !outcome
+            .result
+            .warnings
+            .iter()
+            .any(|w| w.contains("continuation"))
+    );
+}
+
+/// A robust loss weighs rows by how far they are off: not while the robot is far.
+#[test]
+fn a_robust_loss_does_not_keep_a_far_robot_away() {
+    for seed in 1..=3 {
+        let (scene, mut calibration) = calibration(seed, 0.3);
+        calibration.sets[0].loss = Loss::huber(1.5).unwrap();
+        let outcome = calibration.run(&|_| {}).unwrap();
+        let truth = &scene.truth.robots[0];
+        for (p, truth) in outcome.result.parameters.iter().zip(truth) {
+            if let Some(sigma) = p.sigma {
+                let off = (p.estimate - truth).abs();
+                assert!(off < 6.0 * sigma, "{} {off:e} of {sigma:e}", p.name);
+            }
+        }
     }
 }
 
+/// Measurements that are worse than they say: two starts that end alike decide, and no more are tried.
+#[test]
+fn an_understated_sigma_does_not_send_it_searching() {
+    let (_, mut calibration) = calibration(4, 0.05);
+    for sigma in &mut calibration.sets[0].sigma {
+        sigma.position = 1e-5;
+    }
+    let auto = calibration.run(&|_| {}).unwrap();
+    calibration.estimate.strategy = Strategy::Direct;
+    let direct = calibration.run(&|_| {}).unwrap();
+    assert!((auto.solution.cost / direct.solution.cost - 1.0).abs() < 1e-6);
+    assert!(
+        auto.solution.iterations < 150,
+        "{}",
+        auto.solution.iterations
+    );
+}
+
+/// Time that runs out ends the search too, and is said.
+#[test]
+fn a_search_that_runs_out_of_time_says_so() {
+    let (_, mut calibration) = calibration(1, 0.3);
+    calibration.estimate.settings.timeout = Some(std::time::Duration::from_nanos(1));
+    let result = calibration.run(&|_| {}).unwrap().result;
+    let stopped = result
+        .warnings
+        .iter()
+        .any(|w| w.contains("was stopped after"));
+    assert!(stopped && !result.trusted, "{:?}", result.warnings);
+}
+
 /// An arm that lies flat: all axes parallel, the tool in one plane whatever the joints do. The touches
-/// fit, and the result is refused with the reason.
+/// fit to rounding, and the result is refused with that reason.
 #[test]
 fn a_robot_whose_joints_do_not_matter_is_not_trusted() {
-    let (_, mut calibration) = calibration(2, 0.3);
-    // Postures in the open air are no touches: only an arm without lengths fits them well.
-    let limits = [[-2.0, 2.0]; 6];
-    for (k, q) in calibration.sets[0].q.iter_mut().enumerate() {
-        for (j, (q, [l, u])) in q.iter_mut().zip(limits).enumerate() {
-            *q = l + (u - l) * (0.5 + 0.5 * ((k * 7 + j * 3) as f64).sin());
-        }
-    }
+    let (_, mut calibration) = calibration(2, 2e-3);
+    let robot = puma();
+    let flat: Vec<f64> = robot
+        .parameters()
+        .iter()
+        .map(|p| match p.kind {
+            ParameterKind::Alpha if (2..=6).contains(&p.frame) => 0.0,
+            ParameterKind::Beta => 0.0,
+            _ => p.nominal,
+        })
+        .collect();
+    calibration.estimate.from = Some(vec![flat]);
     let result = calibration.run(&|_| {}).unwrap().result;
-    assert!(!result.trusted, "{:?}", result.warnings);
+    let rms = result.constraints[0].after.as_ref().unwrap().rms;
+    assert!(rms < 1e-6, "it fits: {rms:e}");
+    let said = result
+        .warnings
+        .iter()
+        .any(|w| w.contains("its joints hardly matter"));
+    assert!(said && !result.trusted, "{:?}", result.warnings);
 }

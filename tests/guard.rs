@@ -114,3 +114,42 @@ fn what_moved_far_on_weak_data_is_named_with_its_uncertainty() {
     let result = narrow.calibrate(false).result;
     assert!(says(&result, "only weakly") || says(&result, "not determined by these data"));
 }
+
+/// A table in millimetres that says metres, or the other way round: what validates is nowhere near.
+#[test]
+fn a_robot_in_the_wrong_unit_is_not_trusted() {
+    let right = scene(&What::UnknownPlane(vec![table()]), 60, 5e-5);
+    let seen = right.clone().seeded(9).measure(&What::Position, 20, 1e-5);
+    for factor in [1e-3, 1e3] {
+        let mut file = puma().with_parameters(&puma().nominal());
+        for row in file.joints.iter_mut().map(|j| &mut j.frame) {
+            row.d *= factor;
+            row.r *= factor;
+        }
+        for row in [&mut file.base, &mut file.tool] {
+            row.d *= factor;
+            row.r *= factor;
+        }
+        let mut calibration = right.calibration(false);
+        calibration.arms = vec![Arm::only(truing_robot::Robot::new(&file))];
+        calibration.validate = vec![seen.sets[1].clone()];
+        let result = calibration.run(&|_| {}).unwrap().result;
+        assert!(!result.trusted, "{factor}: {:?}", result.warnings);
+    }
+}
+
+/// The same posture again and again determines nothing, and that is no success.
+#[test]
+fn data_that_determine_nothing_are_not_trusted() {
+    let mut same = scene(&What::UnknownPlane(vec![table()]), 30, 0.0);
+    let first = same.sets[0].q[0].clone();
+    same.sets[0].q.iter_mut().for_each(|q| q.clone_from(&first));
+    match same.calibration(false).run(&|_| {}) {
+        Ok(outcome) => {
+            let result = outcome.result;
+            assert!(!result.trusted, "{:?}", result.warnings);
+            assert!(says(&result, "determine none of the robot parameters"));
+        }
+        Err(error) => assert!(error.to_string().contains("nothing is left"), "{error}"),
+    }
+}

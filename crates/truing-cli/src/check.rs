@@ -93,8 +93,9 @@ fn shown(sets: &[SetCheck], agree: bool) -> String {
         }
     }
     out += &lines(&rows);
-    out += "  difference: the largest in any column, over the column's length; times are of r and J together, for each\n  \
-            measurement and over that of r alone.\n\nLargest difference in each column\n";
+    out += "  difference: the largest in any column, over the column's length but at least a thousandth of the longest;\n  \
+            times are of r and J together, for each measurement and over that of r alone.\n\n\
+            Largest difference in each column\n";
     out += &columns(sets);
     for set in sets {
         for way in set.ways.iter().filter(|way| !way.agrees) {

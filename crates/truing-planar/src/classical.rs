@@ -177,7 +177,7 @@ pub(crate) fn add_poses(
             q: q.clone(),
             measured: poses[row],
         };
-        let noise = rigid(set, row, 1.0)?;
+        let noise = rigid(set.sigma[row].position, set.sigma[row].rotation)?;
         let variables = (parts.robot, parts.sensor, parts.target);
         batch.push_with_noise(variables, constraint, noise);
     }
@@ -185,9 +185,8 @@ pub(crate) fn add_poses(
     Ok(())
 }
 
-/// The noise of a row of six, its standard deviations times `factor`.
-pub(crate) fn rigid(set: &MeasurementSet, row: usize, factor: f64) -> Result<Noise, Error> {
-    let p = set.sigma[row].position * factor;
-    let r = set.sigma[row].rotation * factor;
+/// The noise of a row of six.
+pub(crate) fn rigid(position: f64, rotation: f64) -> Result<Noise, Error> {
+    let (p, r) = (position, rotation);
     Ok(Noise::diagonal(&[p, p, p, r, r, r])?)
 }

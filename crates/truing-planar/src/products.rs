@@ -17,7 +17,9 @@ use truing_robot::kinematics::Regressor;
 /// three \[m\].
 ///
 /// Variables: robot parameters, the target in the tool frame. One row; the plane is eliminated.
-/// Unlike the original, no term of second order is neglected.
+/// Unlike the original, no term of second order is neglected. The noise of a row is taken for that of
+/// its fourth touch; the three that all rows of a plane share have theirs too, so σ₀ comes out above one
+/// and standard deviations are approximate: Truing's own `unknown-plane` estimates the plane instead.
 #[derive(Clone)]
 pub struct VectorProducts {
     /// The robot.

@@ -117,6 +117,10 @@ impl Calibration {
     /// # Errors
     /// If a set cannot be assembled.
     pub fn check(&self, ways: &[Way]) -> Result<Vec<SetCheck>, Error> {
+        self.without_small_groups()?.0.check_all(ways)
+    }
+
+    fn check_all(&self, ways: &[Way]) -> Result<Vec<SetCheck>, Error> {
         let mut random = ChaCha8Rng::seed_from_u64(1996);
         let nominal: Vec<Vec<f64>> = self.arms.iter().map(|arm| arm.robot.nominal()).collect();
         let away = nominal
@@ -152,6 +156,15 @@ impl Calibration {
             .iter()
             .map(|state| assemble(state, &Derivatives::default()))
             .collect::<Result<_, _>>()?;
+        if own[0].problem.rows() == 0 {
+            return Err(Error::calibration(
+                format!(
+                    "`{}` has no equations: there is nothing to compare",
+                    set.name
+                ),
+                "measure more, or choose another `method`",
+            ));
+        }
         let reference: Vec<Linearization> = own.iter().map(linearized).collect();
         let mut checks = Vec::new();
         for way in ways {

@@ -18,22 +18,39 @@ impl Calibration {
         validation: &[SetResult],
         warnings: &mut Vec<String>,
     ) {
+        let reach = self.reach();
         for set in validation {
-            if let (Some(registered), Some(after)) = (&set.registered, &set.after)
-                && after.rms > registered.rms + NOTHING
-            {
-                let distrust = if after.rms > WORSE * registered.rms {
+            let Some(after) = &set.after else { continue };
+            // Registration may have made the nominal robot worse: it is as good as the better of both.
+            let (best, whose) = match (&set.before, &set.registered) {
+                (Some(before), Some(registered)) if before.rms < registered.rms => {
+                    (before.rms, "the nominal robot of the file")
+                }
+                (_, Some(registered)) => (registered.rms, "the registered nominal one"),
+                _ => continue,
+            };
+            if after.rms > best + NOTHING {
+                let distrust = if after.rms > WORSE * best {
                     DISTRUST
                 } else {
                     ""
                 };
                 warnings.push(format!(
-                        "{distrust}the calibrated robot predicts `{}` worse than the registered nominal one: {:.4} mm \
-                         against {:.4} mm RMS on rows that were not used",
-                        set.name,
-                        after.rms * 1e3,
-                        registered.rms * 1e3
-                    ));
+                    "{distrust}the calibrated robot predicts `{}` worse than {whose}: {:.4} mm against {:.4} mm RMS on rows \
+                     that were not used",
+                    set.name,
+                    after.rms * 1e3,
+                    best * 1e3
+                ));
+            }
+            if after.rms > ABSURD * reach {
+                warnings.push(format!(
+                    "{DISTRUST}the calibrated robot predicts `{}` {:.1} mm wrong on rows that were not used, and reaches \
+                     {:.0} mm: are the units of the robot file right, and those of the data?",
+                    set.name,
+                    after.rms * 1e3,
+                    reach * 1e3
+                ));
             }
         }
         for (set, result) in self.sets.iter().zip(sets) {
@@ -212,6 +229,9 @@ pub(super) const DISTRUST: &str = "not to be trusted: ";
 /// Rows that were not used may be predicted worse than by the registered nominal robot by this
 /// factor before the result is distrusted: where a robot is nearly nominal, chance decides.
 const WORSE: f64 = 1.1;
+
+/// Errors on rows that were not used may be this part of the robot's reach.
+const ABSURD: f64 = 0.05;
 
 /// Lengths that moved by less in all \[m\] are no deformation, whatever a robot's size.
 const SLIGHT: f64 = 0.05;

@@ -7,6 +7,7 @@
 //! they start, strongly first, then ever less. What fits at the end is then estimated as ever.
 
 use super::assembly::Assembly;
+use super::measurement::MeasurementSet;
 use super::run::Calibration;
 use super::select::Choice;
 use super::start::start;
@@ -18,7 +19,7 @@ use crate::posture;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::sync::atomic::Ordering;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 use truing::solver::{Evaluations, run};
 use truing::{LeastSquares, Linearization, Method, Settings, Tolerances, Values};
 
@@ -59,11 +60,19 @@ const AGAIN: usize = 5;
 /// Other starts than nominal: uniform, ± this [rad], and this part of the reach for lengths.
 const SPREAD: f64 = 0.3;
 const SPREAD_OF_LENGTHS: f64 = 0.6;
-/// The residuals of a robot that has collapsed hardly depend on its angles: by less than this part
-/// of what they do at nominal.
+/// The residuals of a robot that has collapsed hardly depend on its joints: by less than this part of
+/// what they do at nominal.
 const THIN: f64 = 0.1;
 /// Costs of two fits that agree to this are of the same minimum.
 const SAME: f64 = 1e-3;
+
+/// A plain fit whose weighted residuals are less is followed to its end before others are tried.
+const NEAR: f64 = 30.0;
+
+/// The time that is left until then.
+pub(super) fn left(deadline: Instant) -> Duration {
+    deadline.saturating_duration_since(Instant::now())
+}
 
 /// Where an estimate should start, and what it took to find out.
 pub(super) struct Found {
@@ -77,6 +86,8 @@ pub(super) struct Found {
     pub starts: usize,
     /// Whether it fits to the noise, or two starts led to it.
     pub sure: bool,
+    /// Whether the search was stopped, by someone or by the time.
+    pub stopped: bool,
     /// RMS of the weighted residuals.
     pub rms: f64,
 }
@@ -97,18 +108,42 @@ struct Search<'a> {
 impl Calibration {
     /// Looks for a start from which the plain estimate converges to the robot that was measured;
     /// `None` where nominal will do: it is near, or the file asks for plain steps, other equations,
-    /// or bounds, inside which nothing is far.
+    /// or bounds on what is estimated, inside which nothing is far.
+    ///
+    /// The search takes no robust loss: one would weigh touches by how far the start is off.
     pub(super) fn far_start(
+        &self,
+        from: &State,
+        choices: &[Choice],
+        deadline: Option<Instant>,
+    ) -> Result<Option<Found>, Error> {
+        let unweighted = Self {
+            sets: self.sets.iter().map(MeasurementSet::unweighted).collect(),
+            ..self.clone()
+        };
+        let assembly = unweighted.columns_assembled(from, choices, true)?;
+        unweighted.search(from, &assembly, choices, deadline)
+    }
+
+    fn search(
         &self,
         from: &State,
         assembly: &Assembly,
         choices: &[Choice],
+        deadline: Option<Instant>,
     ) -> Result<Option<Found>, Error> {
+        let is_estimated =
+            |r: usize, p: usize| choices[assembly.robot(r).column() + p] == Choice::Estimated;
+        let bounded = self
+            .estimate
+            .bounds
+            .iter()
+            .any(|(r, p, ..)| is_estimated(*r, *p));
         let settings = &self.estimate.settings;
         let plain = self.estimate.strategy == Strategy::Auto
             && self.estimate.from.is_none()
             && settings.method == Method::LevenbergMarquardt
-            && self.estimate.bounds.is_empty()
+            && !bounded
             && self.sets.iter().all(|set| set.form.is_none());
         let reach = self.reach();
         if !plain || self.misfit(from)? <= FAR * reach {
@@ -139,55 +174,42 @@ impl Calibration {
             sigma: (sum / f64::max(count, 1.0)).sqrt(),
             evaluations: Evaluations::default(),
             iterations: 0,
-            deadline: settings.timeout.map(|t| Instant::now() + t),
+            deadline,
         };
         search.run().map(Some)
     }
 
-    /// RMS of what the angles among some parameters, as (robot, parameter), change in the weighted
-    /// residuals at a point.
-    fn slope(
-        &self,
-        assembly: &Assembly,
-        parameters: impl Iterator<Item = (usize, usize)>,
-        x: &Values,
-    ) -> f64 {
+    /// RMS of what the joints change in the weighted residuals at a point.
+    fn slope(&self, assembly: &Assembly, x: &Values) -> f64 {
         let mut lin = Linearization::new(assembly.problem.structure());
         assembly.problem.linearize(x, &mut lin);
-        let angles =
-            parameters.filter(|(r, p)| self.arms[*r].robot.parameters()[*p].unit() == Unit::Radian);
-        let squares = angles.map(|(robot, parameter)| {
-            let column = assembly.robot(robot).column() + parameter;
-            lin.column_norm(column).powi(2)
-        });
-        (squares.sum::<f64>() / assembly.problem.rows() as f64).sqrt()
+        let mut squares = 0.0;
+        for (r, arm) in self.arms.iter().enumerate() {
+            for joint in arm.robot.joints() {
+                let column = assembly.robot(r).column() + joint.offset_parameter;
+                squares += lin.column_norm(column).powi(2);
+            }
+        }
+        (squares / assembly.problem.rows() as f64).sqrt()
     }
 
-    /// Whether the measurements hardly depend on the robot's angles any more: an arm that has collapsed,
-    /// or whose axes are all parallel, fits any touches.
-    pub(super) fn has_collapsed(
-        &self,
-        assembly: &Assembly,
-        choices: &[Choice],
-        estimate: &Values,
-    ) -> bool {
-        let estimated = assembly
-            .columns
-            .iter()
-            .zip(choices)
-            .filter_map(|(column, choice)| match (&column.owner, choice) {
-                (Owner::Parameter { robot, parameter }, Choice::Estimated) => {
-                    Some((*robot, *parameter))
-                }
-                _ => None,
-            });
-        let before = self.slope(assembly, estimated.clone(), assembly.problem.initial());
-        self.slope(assembly, estimated, estimate) < THIN * before
+    /// Whether the measurements hardly depend on the joints any more: an arm that has collapsed, or whose
+    /// axes are all parallel, fits any touches. Seen in metres, whatever the equations and the loss of
+    /// the estimate are.
+    pub(super) fn has_collapsed(&self, before: &State, estimate: &State) -> Result<bool, Error> {
+        let plain = self.sets.iter().map(|set| set.plain().unweighted());
+        let plain: Vec<MeasurementSet> = plain.collect();
+        let slope = |state: &State| -> Result<f64, Error> {
+            let derivatives = &self.estimate.derivatives;
+            let assembly = Assembly::new(&self.arms, &plain, state, derivatives)?;
+            Ok(self.slope(&assembly, assembly.problem.initial()))
+        };
+        Ok(slope(estimate)? < THIN * slope(before)?)
     }
 
     /// How far the tools reach, about \[m\]: 4/3 of the RMS distance of random postures' tool points
     /// from their middle.
-    fn reach(&self) -> f64 {
+    pub(super) fn reach(&self) -> f64 {
         const POSTURES: usize = 100;
         let sizes = self
             .arms
@@ -203,11 +225,18 @@ impl Search<'_> {
         let nominal = self.assembly.problem.initial().clone();
         let slope = self.slope(&nominal);
         let (probe, cost) = self.solve(&nominal, PROBE)?;
-        let ((probe, cost), accepted) = self.accept(probe, cost, slope)?;
+        let ((mut probe, mut cost), accepted) = self.accept(probe, cost, slope)?;
         if accepted {
             return Ok(self.found(probe, cost, 0, true));
         }
         let mut fits = vec![];
+        if self.rms(&probe, cost) < NEAR {
+            // Nearly there, perhaps as near as measurements that are worse than their σ allow.
+            (probe, cost) = self.finish(probe, cost)?;
+            if self.slope(&probe) > THIN * slope {
+                fits.push((probe.clone(), cost));
+            }
+        }
         let mut abandoned: Option<(Values, f64)> = None;
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         let mut starts = 0;
@@ -218,24 +247,18 @@ impl Search<'_> {
                 self.shifted(&mut rng)?
             };
             starts += 1;
-            let (x, end) = self.descend(begin)?;
+            let best = fits
+                .first()
+                .map(|(x, cost): &(Values, f64)| self.rms(x, *cost));
+            let (x, end) = self.descend(begin, best.unwrap_or_default())?;
             if let Some(left) = end {
                 if abandoned.as_ref().is_none_or(|(_, best)| left < *best) {
                     abandoned = Some((x, left));
                 }
                 continue;
             }
-            let (mut x, mut cost) = self.solve(&x, LAST)?;
-            for _ in 0..AGAIN {
-                if self.rms(cost) < GOOD {
-                    break;
-                }
-                let before = cost;
-                (x, cost) = self.solve(&x, LAST)?;
-                if cost > 0.5 * before {
-                    break;
-                }
-            }
+            let (x, cost) = self.solve(&x, LAST)?;
+            let (x, cost) = self.finish(x, cost)?;
             let ((x, cost), accepted) = self.accept(x, cost, slope)?;
             if accepted {
                 return Ok(self.found(x, cost, starts, true));
@@ -260,20 +283,37 @@ impl Search<'_> {
         Ok(self.found(x, cost, starts, false))
     }
 
+    /// Plain steps on along a valley, as long as they lead down and the noise is not reached.
+    fn finish(&mut self, x: Values, cost: f64) -> Result<(Values, f64), Error> {
+        let (mut x, mut cost) = (x, cost);
+        for _ in 0..AGAIN {
+            if self.rms(&x, cost) < GOOD || self.stopped() {
+                break;
+            }
+            let before = cost;
+            (x, cost) = self.solve(&x, LAST)?;
+            if cost > 0.5 * before {
+                break;
+            }
+        }
+        Ok((x, cost))
+    }
+
     fn found(&self, values: Values, cost: f64, starts: usize, sure: bool) -> Found {
         Found {
+            rms: self.rms(&values, cost),
             values,
             evaluations: self.evaluations,
             iterations: self.iterations,
             starts,
             sure,
-            rms: self.rms(cost),
+            stopped: !sure && self.stopped(),
         }
     }
 
-    /// One continuation: the pull ever weaker, each stage from the last. Where the residual is stuck,
-    /// it comes back with the point.
-    fn descend(&mut self, begin: Values) -> Result<(Values, Option<f64>), Error> {
+    /// One continuation: the pull ever weaker, each stage from the last. Where the residual is stuck
+    /// above the noise and above the `best` fit so far, it comes back with the point.
+    fn descend(&mut self, begin: Values, best: f64) -> Result<(Values, Option<f64>), Error> {
         let (calibration, assembly) = (self.calibration, self.assembly);
         let touches = Touches::of(
             &calibration.arms,
@@ -297,8 +337,8 @@ impl Search<'_> {
             let outcome = run(&tempered, x, &settings)?;
             self.count(outcome.evaluations, outcome.iterations);
             x = outcome.point;
-            let left = self.rms(outcome.cost - tempered.pulled(&x));
-            if stage >= WARM && left > STUCK * before && left > 2.0 * GOOD {
+            let left = self.rms(&x, outcome.cost - tempered.pulled(&x));
+            if stage >= WARM && left > STUCK * before && left > 2.0 * GOOD.max(best) {
                 return Ok((x, Some(left)));
             }
             before = left;
@@ -334,11 +374,11 @@ impl Search<'_> {
     /// A fit down to the noise is solved to the last digit; it counts if its residuals still depend on
     /// the angles.
     fn accept(&mut self, x: Values, cost: f64, slope: f64) -> Result<((Values, f64), bool), Error> {
-        if self.rms(cost) > GOOD {
+        if self.rms(&x, cost) > GOOD {
             return Ok(((x, cost), false));
         }
         let (x, cost) = self.solve(&x, 5 * LAST)?;
-        let accepted = self.rms(cost) <= GOOD && self.slope(&x) > THIN * slope;
+        let accepted = self.rms(&x, cost) <= GOOD && self.slope(&x) > THIN * slope;
         Ok(((x, cost), accepted))
     }
 
@@ -358,6 +398,7 @@ impl Search<'_> {
                 ..Tolerances::default()
             },
             interrupt: self.calibration.estimate.settings.interrupt.clone(),
+            timeout: self.deadline.map(left),
             ..Settings::default()
         }
     }
@@ -368,19 +409,26 @@ impl Search<'_> {
         self.iterations += iterations;
     }
 
-    /// RMS of the weighted residuals.
-    fn rms(&self, cost: f64) -> f64 {
-        (2.0 * cost.max(0.0) / self.assembly.problem.rows() as f64).sqrt()
+    /// RMS of the weighted residuals of measurements: what priors cost is no noise.
+    fn rms(&self, x: &Values, cost: f64) -> f64 {
+        let problem = &self.assembly.problem;
+        let sets = self.calibration.sets.len();
+        let priors: f64 = problem
+            .blocks()
+            .skip(sets)
+            .map(|block| {
+                let mut r = vec![0.0; block.len() * block.dim()];
+                block.residual(x.as_slice(), &mut r)
+            })
+            .sum();
+        let rows: usize = (0..sets).map(|k| problem.block_rows(k).len()).sum();
+        (2.0 * (cost - priors).max(0.0) / rows.max(1) as f64).sqrt()
     }
 
-    /// RMS of what the estimated angles change in the weighted residuals.
+    /// RMS of what the joints change in the weighted residuals.
     fn slope(&mut self, x: &Values) -> f64 {
         self.evaluations.jacobian += 1;
-        let parameters = self
-            .estimated
-            .iter()
-            .map(|(robot, parameter, _)| (*robot, *parameter));
-        self.calibration.slope(self.assembly, parameters, x)
+        self.calibration.slope(self.assembly, x)
     }
 
     /// Whether someone stopped it, or the time ran out.

@@ -303,7 +303,7 @@ impl Calibration {
             self.doubt_moves(&fitted.estimated, &assembly, uncertainty, &mut warnings);
         }
         self.doubt_limits(&fitted.estimated, &assembly, &choices, &mut warnings);
-        if self.has_collapsed(&assembly, &choices, &solution.values) {
+        if self.has_collapsed(&fitted.nominal, &fitted.estimated)? {
             warnings.push(format!(
                 "{DISTRUST}the estimated robot fits because its joints hardly matter any more: it has collapsed, or its axes \
                  have turned parallel; add a `prior` about nominal, or measurements that hold its size"
@@ -332,6 +332,16 @@ impl Calibration {
                     column.name
                 ));
             }
+        }
+        let wanted = |c: &usize| matches!(assembly.columns[*c].owner, Owner::Parameter { .. });
+        let robots: Vec<&Choice> = (0..choices.len())
+            .filter(wanted)
+            .map(|c| &choices[c])
+            .collect();
+        if !robots.contains(&&Choice::Estimated) && robots.contains(&&Choice::Unexcited) {
+            warnings.push(format!(
+                "{DISTRUST}these data determine none of the robot parameters that were asked for: measure in more varied postures"
+            ));
         }
         if !still.is_empty() {
             warnings.push(format!(

@@ -2,12 +2,14 @@
 
 use super::assembly::Assembly;
 use super::doubt::DISTRUST;
+use super::far::left;
 use super::measurement::{Measured, MeasurementSet};
 use super::run::Calibration;
 use super::select::{Choice, in_order, select};
 use super::start::{fit_eliminated, start};
 use super::state::{Owner, State};
 use crate::error::Error;
+use std::time::Instant;
 use truing::{LeastSquares, Settings, Solution, Termination, Values, solve, solve_from};
 
 impl Calibration {
@@ -122,38 +124,39 @@ impl Calibration {
         warnings: &mut Vec<String>,
     ) -> Result<(Assembly, State, Solution), Error> {
         let assembly = self.columns_assembled(from, choices, true)?;
-        let Some(found) = self.far_start(from, &assembly, choices)? else {
+        let deadline = self.estimate.settings.timeout.map(|t| Instant::now() + t);
+        let Some(found) = self.far_start(from, choices, deadline)? else {
             return self.solve_assembled(assembly, true);
         };
+        let settings = Settings {
+            timeout: deadline.map(left),
+            ..self.estimate.settings.clone()
+        };
         let initial = assembly.problem.initial();
-        let mut solution = solve_from(&assembly.problem, &found.values, &self.estimate.settings)?;
+        let mut solution = solve_from(&assembly.problem, &found.values, &settings)?;
         let mut r = vec![0.0; assembly.problem.rows()];
         solution.initial_cost = assembly.problem.residual(initial, &mut r);
         solution.iterations += found.iterations;
         solution.evaluations.residual += found.evaluations.residual;
         solution.evaluations.jacobian += found.evaluations.jacobian;
-        if found.starts > 0 {
+        let tried = match found.starts {
+            1 => "one continuation".to_owned(),
+            n => format!("{n} continuations from places near it"),
+        };
+        let far =
+            "the nominal robot is far from what was measured, and a few plain steps did not fit it";
+        if found.stopped {
             warnings.push(format!(
-                "the nominal robot is far from what was measured: a few plain steps did not fit it, {} did{}",
-                match found.starts {
-                    1 => "a continuation".to_owned(),
-                    n => format!("the best of {n} continuations from places near it"),
-                },
-                if found.sure {
-                    String::new()
-                } else {
-                    format!(
-                        ", whose weighted residuals are {:.1} RMS: no start led to one that is down to the noise",
-                        found.rms
-                    )
-                }
+                "{DISTRUST}{far}; the search for a better start was stopped after {tried}"
             ));
-        }
-        if !found.sure {
+        } else if !found.sure {
             warnings.push(format!(
-                "{DISTRUST}no start led to a fit that is down to the noise, nor did two lead to the same one; the robot file, \
-                 the measurements or their `sigma` may be wrong"
+                "{DISTRUST}{far}; {tried} led to none that is down to the noise (weighted residuals of {:.1} RMS at best), \
+                 nor two to the same one: the robot file, its units, the measurements or their `sigma` may be wrong",
+                found.rms
             ));
+        } else if found.starts > 0 {
+            warnings.push(format!("{far}: found by {tried}"));
         }
         let mut state = assembly.state(&solution.values);
         fit_eliminated(&self.arms, &self.sets, &mut state);
@@ -172,7 +175,7 @@ impl Calibration {
     }
 
     /// The problem at a state with the chosen columns free.
-    fn columns_assembled(
+    pub(super) fn columns_assembled(
         &self,
         from: &State,
         choices: &[Choice],

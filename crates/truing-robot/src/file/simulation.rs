@@ -166,6 +166,9 @@ impl SimulationFile {
     }
 }
 
+/// The most measurements that a constraint makes.
+const MOST: usize = 1_000_000;
+
 /// A size of zero or more.
 fn size(item: &Item<'_>, dimension: Dimension) -> Result<f64, InputError> {
     let value = item.in_units(dimension, &Units::SI)?;
@@ -275,9 +278,9 @@ pub(super) fn constraint(
     };
     let count = table.require("count", "expected how many measurements")?;
     let number = count.integer()?.value;
-    if number == 0 {
+    if !(1..=MOST).contains(&number) {
         return Err(count
-            .error("found 0; expected at least 1")
+            .error(format!("found {number}; expected 1 to {MOST}"))
             .with_help("say how many measurements to make"));
     }
     let sigma = table

@@ -18,13 +18,16 @@ pub(super) struct Scaled {
 /// How close the mean tool error comes to what was asked for, relative.
 const CLOSE: f64 = 1e-6;
 
+/// So many trials tell the mean well enough.
+const ENOUGH: usize = 1000;
+
 /// The directions of the errors of a trial, and nominal tools to compare with.
 struct Trial {
     errors: Vec<Vec<f64>>,
     postures: Vec<Vec<Vec<f64>>>,
 }
 
-/// The factor by which the mean tool error over all trials becomes the level; 1 without a level.
+/// The factor by which the mean tool error over the trials (the first thousand, if there are more) becomes the level; 1 without a level.
 ///
 /// # Errors
 /// If no factor does.
@@ -34,7 +37,7 @@ pub(super) fn scale(
     number: usize,
     level: Option<&Spanned<f64>>,
 ) -> Result<Scaled, Error> {
-    let trials: Vec<Trial> = (0..study.trials)
+    let trials: Vec<Trial> = (0..study.trials.min(ENOUGH))
         .map(|trial| {
             let stream = Stream {
                 seed: study.seed,

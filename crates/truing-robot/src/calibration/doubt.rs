@@ -90,8 +90,9 @@ impl Calibration {
             }
             if change.sqrt() > (DEFORMED * total).max(SLIGHT) {
                 warnings.push(format!(
-                    "{DISTRUST}the lengths of {} moved by {:.0} mm in all, of {total:.3} m: the data do not determine \
-                     them; add a `prior` about nominal, or measurements that do",
+                    "{DISTRUST}the lengths of {} moved by {:.0} mm in all, of {total:.3} m: no drawing is that \
+                     wrong; either the data hardly determine them (add a `prior` about nominal, or measurements that do), or the \
+                     file is of another robot",
                     if arm.name.is_empty() { arm.robot.name() } else { &arm.name },
                     change.sqrt() * 1e3
                 ));

@@ -487,13 +487,19 @@ fn combinations() -> Result<(), Failed> {
         }
         let result = calibrate(&ARMS, &text);
         let (registered, after) = mm(&result.validation[0]);
+        let used = result.constraints.iter().map(|set| {
+            let (registered, after) = mm(set);
+            format!("{} {registered:.2} -> {after:.2}", set.name)
+        });
+        let used: Vec<String> = used.collect();
         println!(
-            "{name}: registered {registered:.3} mm, calibrated {after:.3} mm, {}",
+            "{name}: registered {registered:.3} mm, calibrated {after:.3} mm, {}; used: {}",
             if result.trusted {
                 "trusted"
             } else {
                 "not trusted"
-            }
+            },
+            used.join(", ")
         );
         if after > 1.1 * registered {
             assert!(!result.trusted, "{name}: {:?}", result.warnings);

@@ -114,41 +114,41 @@ impl Calibration {
     pub(super) fn far_start(
         &self,
         from: &State,
-        choices: &[Choice],
-        deadline: Option<Instant>,
-    ) -> Result<Option<Found>, Error> {
-        let unweighted = Self {
-            sets: self.sets.iter().map(MeasurementSet::unweighted).collect(),
-            ..self.clone()
-        };
-        let assembly = unweighted.columns_assembled(from, choices, true)?;
-        unweighted.search(from, &assembly, choices, deadline)
-    }
-
-    fn search(
-        &self,
-        from: &State,
         assembly: &Assembly,
         choices: &[Choice],
         deadline: Option<Instant>,
     ) -> Result<Option<Found>, Error> {
         let is_estimated =
             |r: usize, p: usize| choices[assembly.robot(r).column() + p] == Choice::Estimated;
-        let bounded = self
-            .estimate
-            .bounds
-            .iter()
-            .any(|(r, p, ..)| is_estimated(*r, *p));
-        let settings = &self.estimate.settings;
+        let mut bounds = self.estimate.bounds.iter();
+        let bounded = bounds.any(|(r, p, ..)| is_estimated(*r, *p));
         let plain = self.estimate.strategy == Strategy::Auto
             && self.estimate.from.is_none()
-            && settings.method == Method::LevenbergMarquardt
+            && self.estimate.settings.method == Method::LevenbergMarquardt
             && !bounded
             && self.sets.iter().all(|set| set.form.is_none());
-        let reach = self.reach();
-        if !plain || self.misfit(from)? <= FAR * reach {
+        if !plain {
             return Ok(None);
         }
+        let reach = self.reach();
+        if self.misfit(from)? <= FAR * reach {
+            return Ok(None);
+        }
+        let unweighted = Self {
+            sets: self.sets.iter().map(MeasurementSet::unweighted).collect(),
+            ..self.clone()
+        };
+        let assembly = unweighted.columns_assembled(from, choices, true)?;
+        unweighted.search(&assembly, choices, reach, deadline)
+    }
+
+    fn search(
+        &self,
+        assembly: &Assembly,
+        choices: &[Choice],
+        reach: f64,
+        deadline: Option<Instant>,
+    ) -> Result<Option<Found>, Error> {
         let mut estimated = Vec::new();
         for (c, column) in assembly.columns.iter().enumerate() {
             if let (Choice::Estimated, Owner::Parameter { robot, parameter }) =

@@ -125,7 +125,7 @@ impl Calibration {
     ) -> Result<(Assembly, State, Solution), Error> {
         let assembly = self.columns_assembled(from, choices, true)?;
         let deadline = self.estimate.settings.timeout.map(|t| Instant::now() + t);
-        let Some(found) = self.far_start(from, choices, deadline)? else {
+        let Some(found) = self.far_start(from, &assembly, choices, deadline)? else {
             return self.solve_assembled(assembly, true);
         };
         let settings = Settings {

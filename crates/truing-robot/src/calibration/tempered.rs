@@ -157,6 +157,8 @@ impl<'a> Touches<'a> {
         entry: &dyn Fn(usize, usize) -> usize,
     ) {
         let mut regressor = Regressor::default();
+        // (n·uₖ) n, uₖ and k, for every joint.
+        let mut joints: Vec<(Vector3<f64>, Vector3<f64>, usize)> = Vec::new();
         let first = self.parameters.column();
         for row in 0..self.q.len() {
             let (tip, square) = self.slope(row, x, &mut regressor);
@@ -164,21 +166,18 @@ impl<'a> Touches<'a> {
             let at = self.first + row;
             let r = lin.residual[at];
             let normal = self.plane(row, x).normal;
-            // (n·uₖ) n, uₖ and k, for every joint.
-            let joints: Vec<(Vector3<f64>, Vector3<f64>, usize)> = self
-                .robot
-                .joints()
-                .iter()
-                .zip(&self.units)
-                .map(|(joint, unit)| {
-                    let u = regressor.twists[joint.offset_parameter].at(&tip);
-                    (
-                        normal * (unit * unit * normal.dot(&u)),
-                        u,
-                        joint.offset_parameter,
-                    )
-                })
-                .collect();
+            joints.clear();
+            joints.extend(
+                self.robot
+                    .joints()
+                    .iter()
+                    .zip(&self.units)
+                    .map(|(joint, unit)| {
+                        let k = joint.offset_parameter;
+                        let u = regressor.twists[k].at(&tip);
+                        (normal * (unit * unit * normal.dot(&u)), u, k)
+                    }),
+            );
             let bend = r * factor / (length * length);
             let mut put = |column: usize, half: f64| {
                 let value = &mut lin.values[entry(column, at)];

@@ -447,7 +447,7 @@ fn a_bound_of_hock_and_schittkowski_is_met_at_the_published_optimum() {
     // (2a cos(⅓ arccos(1/b)), 1.5), f = 0.0504261879. Their start (−2, 1) is not feasible.
     let start = [1.0, 2.0];
     let (mut problem, x) = rosenbrock(start);
-    problem.bound_component(x, 1, 1.5 - start[1], f64::INFINITY);
+    problem.bound_component(x, 1, 1.5, f64::INFINITY);
     let a = (598.0_f64 / 1200.0).sqrt();
     let b = 400.0 * a.powi(3);
     let expected = [2.0 * a * ((1.0 / b).acos() / 3.0).cos(), 1.5];
@@ -462,7 +462,7 @@ fn a_bound_of_hock_and_schittkowski_is_met_at_the_published_optimum() {
 fn a_bound_that_is_not_active_changes_nothing() {
     // Problem 1 of Hock and Schittkowski: Rosenbrock from (−2, 1) with x₁ ≥ −1.5, optimum (1, 1).
     let (mut problem, x) = rosenbrock([-2.0, 1.0]);
-    problem.bound_component(x, 1, -2.5, f64::INFINITY);
+    problem.bound_component(x, 1, -1.5, f64::INFINITY);
     assert_close(&solve(&problem).values.get(x), &[1.0, 1.0], 1e-12);
 }
 
@@ -484,7 +484,7 @@ fn an_active_bound_is_a_constrained_optimum_and_not_a_clamp() {
     for (a, b) in DESIGN {
         problem.add("row", (x,), Row { a, b });
     }
-    problem.bound_component(x, 0, -1.0, upper - start);
+    problem.bound_component(x, 0, start - 1.0, upper);
     for method in [Method::LevenbergMarquardt, Method::GaussNewton] {
         let settings = Settings {
             method,
@@ -498,24 +498,35 @@ fn an_active_bound_is_a_constrained_optimum_and_not_a_clamp() {
 }
 
 #[test]
-fn a_start_outside_the_bounds_is_an_error_that_names_the_component() {
-    // The infeasible start of problem 2 of Hock and Schittkowski.
+fn a_start_outside_the_bounds_moves_to_the_nearest_point_inside() {
+    let (mut problem, x) = rosenbrock([1.0, -7.0]);
+    problem.bound_component(x, 1, 1.5, f64::INFINITY);
+    let from_inside = {
+        let mut start = problem.initial().clone();
+        start.set(x, &vec![1.0, 1.5]);
+        truing::solve_from(&problem, &start, &Settings::default()).unwrap()
+    };
+    assert_eq!(solve(&problem).values, from_inside.values);
+}
+
+#[test]
+fn bounds_that_hold_no_number_are_an_error_that_names_the_component() {
     let (mut problem, x) = rosenbrock([-2.0, 1.0]);
-    problem.bound_component(x, 1, 0.5, f64::INFINITY);
+    problem.bound_component(x, 1, 0.5, 0.4);
     let error = truing::solve(&problem, &Settings::default()).unwrap_err();
     assert_eq!(
         error,
         Error::Bounds {
             column: "component 1 of `x`".into(),
             lower: 0.5,
-            upper: f64::INFINITY,
-            value: 0.0,
+            upper: 0.4,
         }
     );
-    // Bounds are counted from the value the variable was added with, wherever the solve starts.
-    let mut inside = problem.initial().clone();
-    inside.set(x, &vec![1.0, 2.0]);
-    assert!(truing::solve_from(&problem, &inside, &Settings::default()).is_ok());
+    problem.bound_component(x, 1, f64::NAN, 1.0);
+    assert!(truing::solve(&problem, &Settings::default()).is_err());
+    // A fixed component has no use for its bounds.
+    problem.fix_component(x, 1);
+    assert!(solve(&problem).termination.converged());
 }
 
 /// Freudenstein and Roth's function, written for a plain vector without any `Problem`.

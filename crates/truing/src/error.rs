@@ -44,9 +44,9 @@ pub enum Error {
         /// What is accepted.
         expected: String,
     },
-    /// The starting point is outside the bounds or a bound is empty.
+    /// A bound is empty.
     #[error(
-        "bounds of {column}: [{lower}, {upper}] do not hold the starting value {value}; widen them or start inside"
+        "bounds of {column}: [{lower}, {upper}] hold no number; the lower one must not be above the upper one, and neither NaN"
     )]
     Bounds {
         /// Which column, in words.
@@ -55,8 +55,26 @@ pub enum Error {
         lower: f64,
         /// Upper bound.
         upper: f64,
-        /// Starting value.
-        value: f64,
+    },
+    /// A linear limit that cannot be.
+    #[error(
+        "the linear limit `{name}`, between {lower} and {upper}, holds nowhere; the lower one must not be above the upper one, and coefficients must be finite"
+    )]
+    Limit {
+        /// Its name.
+        name: String,
+        /// Lower limit.
+        lower: f64,
+        /// Upper limit.
+        upper: f64,
+    },
+    /// No point keeps all limits.
+    #[error(
+        "no point was found that keeps all limits: the linear limits {limits} and the bounds contradict each other, or what they leave free is fixed; widen one"
+    )]
+    Infeasible {
+        /// Names of the linear limits.
+        limits: String,
     },
     /// The columns are linearly dependent where they must not be.
     #[error(

@@ -87,16 +87,60 @@ impl Linearization {
     }
 }
 
-/// Bounds on a step: lower ≤ δ ≤ upper, infinite where there is none; one number a column.
+/// Limits on a step: lower ≤ δ ≤ upper, infinite where there is none, one number a column; and
+/// lower ≤ Aδ ≤ upper, row by row.
+///
+/// A limit is active at the point where one of its sides is zero.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StepBounds {
     /// Lower bounds, at most zero.
     pub lower: Vec<f64>,
     /// Upper bounds, at least zero.
     pub upper: Vec<f64>,
+    /// Linear limits.
+    pub rows: Vec<LinearBound>,
 }
 
-/// min ½‖r(x)‖², lower ≤ x ≤ upper. [`Problem`](crate::Problem) is one; a plain test function can be another.
+impl StepBounds {
+    /// No limits on `columns` columns.
+    pub fn unlimited(columns: usize) -> Self {
+        Self {
+            lower: vec![f64::NEG_INFINITY; columns],
+            upper: vec![f64::INFINITY; columns],
+            rows: Vec::new(),
+        }
+    }
+
+    /// Whether δ keeps every limit, rows up to rounding.
+    pub fn hold(&self, delta: &[f64]) -> bool {
+        let within = |d: &f64, (l, u): (&f64, &f64)| l <= d && d <= u;
+        let columns = delta.iter().zip(self.lower.iter().zip(&self.upper));
+        let rows = self.rows.iter().all(|row| {
+            let terms = row.terms.iter().map(|(column, a)| a * delta[*column]);
+            let size = terms.clone().map(f64::abs).sum::<f64>();
+            let rounding = row.rounding + 16.0 * f64::EPSILON * size;
+            let value: f64 = terms.sum();
+            row.lower - rounding <= value && value <= row.upper + rounding
+        });
+        rows && columns.into_iter().all(|(d, limits)| within(d, limits))
+    }
+}
+
+/// lower ≤ Σ aₖ δₖ ≤ upper; an equality where both are the same.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LinearBound {
+    /// The pairs (column, aₖ).
+    pub terms: Vec<(usize, f64)>,
+    /// Lower limit, at most zero unless it is an equality.
+    pub lower: f64,
+    /// Upper limit, at least zero unless it is an equality.
+    pub upper: f64,
+    /// What rounding at the point may do to the sum: violations up to it count as none.
+    pub rounding: f64,
+}
+
+/// min ½‖r(x)‖² under bounds and linear limits. [`Problem`](crate::Problem) is one; a plain test
+/// function can be another.
 pub trait LeastSquares {
     /// A point: all unknowns.
     type Point: Clone;
@@ -120,7 +164,7 @@ pub trait LeastSquares {
     fn free(&self) -> Vec<usize> {
         (0..self.structure().cols()).collect()
     }
-    /// Bounds on a step from x; `None` where there are none.
+    /// Limits on a step from x, which keeps them; `None` where there are none.
     fn step_bounds(&self, _x: &Self::Point) -> Option<StepBounds> {
         None
     }
@@ -137,12 +181,16 @@ pub trait LeastSquares {
     fn describe_column(&self, column: usize) -> String {
         format!("column {column}")
     }
-    /// Whether `x` is a point to start from.
+    /// A linear limit in words, by its number in [`StepBounds::rows`].
+    fn describe_limit(&self, row: usize) -> String {
+        format!("linear limit {row}")
+    }
+    /// The point nearest to `x` that keeps all limits: where a solver starts. `x` itself by default.
     ///
     /// # Errors
-    /// If it is outside its bounds.
-    fn check(&self, _x: &Self::Point) -> Result<(), Error> {
-        Ok(())
+    /// If there is none.
+    fn feasible(&self, x: &Self::Point) -> Result<Self::Point, Error> {
+        Ok(x.clone())
     }
 }
 
@@ -182,8 +230,11 @@ impl<P: LeastSquares + ?Sized> LeastSquares for &P {
     fn describe_column(&self, column: usize) -> String {
         (**self).describe_column(column)
     }
-    fn check(&self, x: &Self::Point) -> Result<(), Error> {
-        (**self).check(x)
+    fn describe_limit(&self, row: usize) -> String {
+        (**self).describe_limit(row)
+    }
+    fn feasible(&self, x: &Self::Point) -> Result<Self::Point, Error> {
+        (**self).feasible(x)
     }
 }
 

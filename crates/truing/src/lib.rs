@@ -8,6 +8,7 @@ mod covariance;
 mod error;
 pub mod identifiability;
 mod least_squares;
+mod limits;
 mod loss;
 pub mod manifold;
 mod noise;
@@ -23,14 +24,17 @@ pub use block::{Batch, ConstraintBlock, PanelWriter};
 pub use constraint::{Constraint, Jacobian, Point, Views};
 pub use covariance::Covariance;
 pub use error::Error;
-pub use least_squares::{LeastSquares, Linearization, StepBounds, Structure, check_finite};
+pub use least_squares::{
+    LeastSquares, LinearBound, Linearization, StepBounds, Structure, check_finite,
+};
+pub use limits::LinearLimit;
 pub use loss::Loss;
 pub use noise::Noise;
 pub use prior::Prior;
 pub use problem::Problem;
 pub use scalar::{Dual, Scalar, value};
 pub use solution::{BlockReport, Solution};
-pub use solver::{Method, Settings, Termination, Tolerances, solve, solve_from};
+pub use solver::{ActiveLimit, Method, Settings, Termination, Tolerances, solve, solve_from};
 pub use variable::{MAX_VARS, Slot, Values, Var, Variable, Vars};
 
 pub use {argmin, nalgebra, num_dual};

@@ -5,8 +5,9 @@ use crate::block::{Batch, ConstraintBlock, PanelWriter};
 use crate::constraint::Constraint;
 use crate::error::Error;
 use crate::least_squares::{LeastSquares, Linearization, StepBounds, Structure};
+use crate::limits::{Limits, LinearLimit};
 use crate::prior::Prior;
-use crate::variable::{Slot, Values, Var, Variable, VariableSlot, Vars};
+use crate::variable::{Slot, Values, Var, Variable, VariableSlot, Vars, slope};
 use std::ops::Range;
 use std::sync::{Arc, Mutex, OnceLock};
 
@@ -20,8 +21,7 @@ pub struct Problem {
     initial: Values,
     columns: usize,
     fixed: Vec<bool>,
-    /// Bounds on the tangent of the starting value, one pair a column.
-    bounds: Vec<(f64, f64)>,
+    limits: Limits,
     blocks: Vec<Box<dyn ConstraintBlock>>,
     structure: OnceLock<(Arc<Structure>, Vec<Vec<usize>>)>,
     memory: Mutex<(Scratch, Vec<usize>)>,
@@ -54,12 +54,13 @@ impl Problem {
             components: Vec::new(),
             plus: V::plus::<f64>,
             minus: V::minus::<f64>,
+            slope: slope::<V>,
+            flat: V::FLAT,
         });
         self.initial.data.extend(stored);
         self.columns += tangent_dim;
         self.fixed.resize(self.columns, false);
-        self.bounds
-            .resize(self.columns, (f64::NEG_INFINITY, f64::INFINITY));
+        self.limits.add_variable(tangent_dim);
         self.structure = OnceLock::new();
         Var::new(slot)
     }
@@ -161,12 +162,16 @@ impl Problem {
         self.fixed[column] = fixed;
     }
 
-    /// Bounds one component: `lower ≤ (x ⊟ x₀)ᵢ ≤ upper` with x₀ the starting value given when the
-    /// variable was added. Steps are then box-constrained (clarabel) where a bound could be active.
+    /// Bounds one component: lower ≤ ξᵢ ≤ upper, either of them infinite.
+    ///
+    /// ξ are the numbers themselves of a flat variable ([`Vector`](crate::manifold::Vector),
+    /// [`Point3`](crate::manifold::Point3)), and of a curved one the tangent x ⊟ reference, with the
+    /// starting value as the reference unless [`limits_about`](Self::limits_about) states another.
+    /// Bounds are kept exactly; a start outside them moves to the nearest point inside. Steps ask
+    /// clarabel where a bound could be active. A later call replaces an earlier one.
     ///
     /// # Panics
-    /// If the variable is curved (a rotation, pose, direction or plane): there a bound on the tangent
-    /// at x₀ is not one on the step from x, and would not be kept exactly.
+    /// If there is no such component.
     #[track_caller]
     pub fn bound_component<V: Variable>(
         &mut self,
@@ -176,13 +181,41 @@ impl Problem {
         upper: f64,
     ) {
         let range = self.columns_of(var);
-        let flat = range.len() == self.variables[var.index()].ambient.len();
         assert!(
-            flat,
-            "`{}` is curved: its components cannot be bounded",
-            self.variables[var.index()].name
+            component < range.len(),
+            "component {component} of `{}`, which has {}",
+            self.variables[var.index()].name,
+            range.len()
         );
-        self.bounds[range][component] = (lower, upper);
+        self.limits
+            .bound(var.index(), range.start + component, lower, upper);
+    }
+
+    /// States the reference at whose tangent the limits of a curved variable are meant; the starting
+    /// value otherwise. Of no effect on flat variables, whose limits are on the numbers themselves.
+    #[track_caller]
+    pub fn limits_about<V: Variable>(&mut self, var: Var<V>, reference: &V::Value) {
+        self.limits.set_reference(var.index(), V::store(reference));
+    }
+
+    /// Adds a linear limit between components, an inequality or an equality.
+    ///
+    /// # Panics
+    /// If it names a variable that this problem does not have.
+    #[track_caller]
+    pub fn add_limit(&mut self, limit: LinearLimit) {
+        let columns = self.columns;
+        assert!(
+            limit.terms.iter().all(|(column, _)| *column < columns),
+            "`{}` is on a variable of another problem",
+            limit.name
+        );
+        self.limits.add(limit);
+    }
+
+    /// The linear limits, in the order in which they were added.
+    pub fn linear_limits(&self) -> &[LinearLimit] {
+        self.limits.linear()
     }
 
     /// Names the components of a variable, for errors: `theta3` says more than "component 17".
@@ -343,15 +376,12 @@ impl LeastSquares for Problem {
 
     fn plus(&self, x: &Values, delta: &[f64]) -> Values {
         let mut out = x.clone();
-        for variable in &self.variables {
+        for (k, variable) in self.variables.iter().enumerate() {
             let delta = &delta[variable.tangent.clone()];
             // A variable that does not move keeps its numbers to the last bit.
             if delta.iter().any(|d| *d != 0.0) {
-                (variable.plus)(
-                    &x.data[variable.ambient.clone()],
-                    delta,
-                    &mut out.data[variable.ambient.clone()],
-                );
+                let out = &mut out.data[variable.ambient.clone()];
+                self.limits.plus(k, variable, &self.initial, x, delta, out);
             }
         }
         out
@@ -382,27 +412,7 @@ impl LeastSquares for Problem {
     }
 
     fn step_bounds(&self, x: &Values) -> Option<StepBounds> {
-        if self
-            .bounds
-            .iter()
-            .all(|(l, u)| l.is_infinite() && u.is_infinite())
-        {
-            return None;
-        }
-        let moved = self.moved(x);
-        let lower = self
-            .bounds
-            .iter()
-            .zip(&moved)
-            .map(|((l, _), m)| (l - m).min(0.0))
-            .collect();
-        let upper = self
-            .bounds
-            .iter()
-            .zip(&moved)
-            .map(|((_, u), m)| (u - m).max(0.0))
-            .collect();
-        Some(StepBounds { lower, upper })
+        self.limits.step_bounds(&self.variables, &self.initial, x)
     }
 
     fn is_robust(&self) -> bool {
@@ -441,39 +451,20 @@ impl LeastSquares for Problem {
         }
     }
 
-    fn check(&self, x: &Values) -> Result<(), Error> {
+    fn describe_limit(&self, row: usize) -> String {
+        self.limits
+            .describe_row(&self.variables, row, |column| self.describe_column(column))
+    }
+
+    fn feasible(&self, x: &Values) -> Result<Values, Error> {
         assert_eq!(
             x.data.len(),
             self.initial.data.len(),
             "these values belong to another problem"
         );
-        let moved = self.moved(x);
-        for (column, ((lower, upper), value)) in self.bounds.iter().zip(moved).enumerate() {
-            let bounded = lower.is_finite() || upper.is_finite() || lower >= upper;
-            if !self.fixed[column] && bounded && !(*lower <= value && value <= *upper) {
-                return Err(Error::Bounds {
-                    column: self.describe_column(column),
-                    lower: *lower,
-                    upper: *upper,
-                    value,
-                });
-            }
-        }
-        Ok(())
-    }
-}
-
-impl Problem {
-    /// x ⊟ x₀, all columns.
-    fn moved(&self, x: &Values) -> Vec<f64> {
-        let mut moved = vec![0.0; self.columns];
-        for variable in &self.variables {
-            (variable.minus)(
-                &x.data[variable.ambient.clone()],
-                &self.initial.data[variable.ambient.clone()],
-                &mut moved[variable.tangent.clone()],
-            );
-        }
-        moved
+        self.limits
+            .feasible(&self.variables, &self.initial, x, &self.fixed, |column| {
+                self.describe_column(column)
+            })
     }
 }

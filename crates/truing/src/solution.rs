@@ -1,6 +1,7 @@
 //! Solutions and short reports of them.
 
-use crate::solver::{Evaluations, Termination};
+use crate::solver::{ActiveLimit, Evaluations, Termination};
+use crate::step::Side;
 use crate::variable::Values;
 
 /// The outcome of a solve.
@@ -18,6 +19,8 @@ pub struct Solution {
     pub iterations: u64,
     /// Model evaluations.
     pub evaluations: Evaluations,
+    /// The limits that are active, with their multipliers.
+    pub limits: Vec<ActiveLimit>,
     /// Every block's residuals before and after.
     pub blocks: Vec<BlockReport>,
 }
@@ -54,6 +57,18 @@ impl std::fmt::Display for Solution {
                 f,
                 "  {}: {} constraints, rms {:.4e} → {:.4e}",
                 block.name, block.count, block.initial_rms, block.rms
+            )?;
+        }
+        for limit in &self.limits {
+            let side = match limit.side {
+                Side::Lower => "at its lower limit",
+                Side::Upper => "at its upper limit",
+                Side::Equal => "held by an equality",
+            };
+            writeln!(
+                f,
+                "  {} {side}, multiplier {:.3e}",
+                limit.name, limit.multiplier
             )?;
         }
         Ok(())

@@ -1,6 +1,7 @@
 //! Unknowns: what kind they are, typed handles to them, and all their numbers.
 
-use crate::scalar::Scalar;
+use crate::autodiff::{partials, seed};
+use crate::scalar::{Dual, Scalar};
 use serde::{Deserialize, Serialize};
 use std::marker::PhantomData;
 use std::ops::Range;
@@ -10,6 +11,9 @@ use std::ops::Range;
 /// Laws (tested by [`crate::check::variable`]): x ⊞ 0 = x; (x ⊞ δ) ⊟ x = δ for small δ, and the
 /// derivative of that at δ = 0 is the identity; x ⊞ (y ⊟ x) = y.
 pub trait Variable: Send + Sync + 'static {
+    /// Whether ⊞ is plain addition on the stored numbers, one degree of freedom each.
+    const FLAT: bool = false;
+
     /// The value as a user gives and gets it.
     type Value: Clone + std::fmt::Debug;
     /// What a constraint sees: `Pose<T>`, `&[T]`, ….
@@ -141,6 +145,26 @@ pub(crate) struct VariableSlot {
     pub components: Vec<String>,
     pub plus: fn(&[f64], &[f64], &mut [f64]),
     pub minus: fn(&[f64], &[f64], &mut [f64]),
+    /// ∂((x ⊞ δ) ⊟ reference)/∂δ at δ = 0 (n × n, row after row).
+    pub slope: fn(&[f64], &[f64], &mut [f64]),
+    /// Whether ⊞ is addition.
+    pub flat: bool,
+}
+
+/// ∂((x ⊞ δ) ⊟ reference)/∂δ at δ = 0 (n × n, row after row), by automatic differentiation.
+pub(crate) fn slope<V: Variable>(x: &[f64], reference: &[f64], out: &mut [f64]) {
+    let n = V::tangent_dim(x.len());
+    let mut moved = vec![Dual::<1>::from(0.0); x.len()];
+    let mut back = vec![Dual::<1>::from(0.0); n];
+    for k in 0..n {
+        let mut delta = vec![Dual::<1>::from(0.0); n];
+        delta[k] = seed(0.0, 0);
+        V::plus(x, &delta, &mut moved);
+        V::minus(&moved, reference, &mut back);
+        for (i, back) in back.iter().enumerate() {
+            out[i * n + k] = partials(back)[0];
+        }
+    }
 }
 
 /// Most variables one constraint can have.

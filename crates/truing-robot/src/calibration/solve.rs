@@ -189,10 +189,8 @@ impl Calibration {
         if full {
             for (robot, parameter, lower, upper) in &self.estimate.bounds {
                 let var = assembly.robot(*robot);
-                // The problem's bounds are about its start, which is inside but for rounding.
                 let nominal = self.arms[*robot].robot.parameters()[*parameter].nominal;
-                let shift = nominal - from.robots[*robot][*parameter];
-                let (lower, upper) = ((lower + shift).min(0.0), (upper + shift).max(0.0));
+                let (lower, upper) = (nominal + lower, nominal + upper);
                 assembly
                     .problem
                     .bound_component(var, *parameter, lower, upper);
@@ -257,6 +255,7 @@ fn unchanged(values: Values) -> Solution {
         initial_cost: 0.0,
         iterations: 0,
         evaluations: truing::solver::Evaluations::default(),
+        limits: Vec::new(),
         blocks: Vec::new(),
     }
 }

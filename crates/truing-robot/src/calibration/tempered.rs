@@ -393,8 +393,12 @@ impl LeastSquares for Tempered<'_> {
         self.base.describe_column(column)
     }
 
-    fn check(&self, x: &Values) -> Result<(), Error> {
-        LeastSquares::check(self.base, x)
+    fn describe_limit(&self, row: usize) -> String {
+        self.base.describe_limit(row)
+    }
+
+    fn feasible(&self, x: &Values) -> Result<Values, Error> {
+        self.base.feasible(x)
     }
 }
 

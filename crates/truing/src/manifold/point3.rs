@@ -9,6 +9,8 @@ use nalgebra::Vector3;
 pub struct Point3;
 
 impl Variable for Point3 {
+    const FLAT: bool = true;
+
     type Value = Vector3<f64>;
     type View<'a, T: Scalar> = Vector3<T>;
 

@@ -10,6 +10,8 @@ use crate::variable::Variable;
 pub struct Vector;
 
 impl Variable for Vector {
+    const FLAT: bool = true;
+
     type Value = Vec<f64>;
     type View<'a, T: Scalar> = &'a [T];
 

@@ -3,7 +3,7 @@
 use super::stop::{Termination, Tolerances};
 use crate::error::Error;
 use crate::least_squares::{LeastSquares, Linearization, StepBounds, check_finite};
-use crate::step::StepSolver;
+use crate::step::{Bounded, StepSolver, kkt};
 
 /// The linearisation at the current point, with its memory. Not kept in a checkpoint: made again.
 #[derive(Clone)]
@@ -30,7 +30,6 @@ impl Current {
                 columns: structure.cols(),
             });
         }
-        problem.check(x)?;
         let trial_residual = vec![0.0; structure.rows];
         let mut current = Self {
             lin: Linearization::new(structure),
@@ -58,29 +57,25 @@ impl Current {
     }
 
     /// Updates the column scales to the largest norms seen, factors, and looks whether this is it:
-    /// the gradient is zero, or the residual is.
+    /// the gradient is zero but for what active limits hold, or the residual is.
     pub fn look<O: LeastSquares>(
         &mut self,
         problem: &O,
         x: &O::Point,
         scale: &mut Vec<f64>,
-        step: &mut impl StepSolver,
+        step: &mut Bounded<impl StepSolver>,
         tolerances: &Tolerances,
     ) -> Option<Termination> {
         scale.resize(self.free.len(), 0.0);
         let norm = self.lin.residual.iter().map(|r| r * r).sum::<f64>().sqrt();
         let sizes = problem.sizes(x);
         let (mut cosine, mut longest) = (0.0_f64, 0.0_f64);
-        for (scale, column) in scale.iter_mut().zip(&self.free) {
+        let gradient = kkt(&self.lin, &self.free, self.bounds.as_ref()).residual;
+        for ((scale, column), gradient) in scale.iter_mut().zip(&self.free).zip(gradient) {
             let length = self.lin.column_norm(*column);
             longest = longest.max(length * sizes[*column]);
             *scale = scale.max(length);
-            let gradient = self.lin.gradient(*column);
-            let held = self.bounds.as_ref().is_some_and(|b| {
-                (gradient > 0.0 && b.lower[*column] == 0.0)
-                    || (gradient < 0.0 && b.upper[*column] == 0.0)
-            });
-            if !held && length > 0.0 && norm > 0.0 {
+            if length > 0.0 && norm > 0.0 {
                 cosine = cosine.max(gradient.abs() / length / norm);
             }
         }

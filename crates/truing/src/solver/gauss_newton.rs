@@ -4,7 +4,7 @@ use super::current::Current;
 use super::stop::{Termination, Tolerances};
 use super::{Evaluations, Explains, SolverState};
 use crate::least_squares::LeastSquares;
-use crate::step::{Qr, StepSolver};
+use crate::step::{Bounded, NoStep, Qr, StepSolver};
 use argmin::argmin_error_closure;
 use argmin::core::{KV, Problem, Solver, TerminationStatus};
 use argmin::kv;
@@ -28,8 +28,8 @@ pub struct GaussNewton<S = Qr> {
     scale: Vec<f64>,
     evaluations: Evaluations,
     termination: Option<Termination>,
-    #[serde(skip)]
-    step: S,
+    #[serde(skip, default)]
+    step: Bounded<S>,
     #[serde(skip)]
     current: Option<Current>,
 }
@@ -55,7 +55,7 @@ impl<S: StepSolver> GaussNewton<S> {
             scale: Vec::new(),
             evaluations: Evaluations::default(),
             termination: None,
-            step,
+            step: Bounded::new(step),
             current: None,
         }
     }
@@ -128,14 +128,25 @@ where
         let cost = current.lin.cost;
         let step = match self.step.step(0.0, current.bounds.as_ref()) {
             Ok(step) => step,
-            Err(dependent) => {
-                let column = problem.problem("describe_count", |p| {
-                    Ok(p.describe_column(dependent.column))
-                })?;
+            Err(NoStep::Dependent {
+                column,
+                pivot,
+                threshold,
+            }) => {
+                let column =
+                    problem.problem("describe_count", |p| Ok(p.describe_column(column)))?;
                 self.termination = Some(Termination::Singular {
                     column,
-                    pivot: dependent.pivot,
-                    threshold: dependent.threshold,
+                    pivot,
+                    threshold,
+                });
+                self.current = Some(current);
+                return Ok((state.param(x).cost(cost), None));
+            }
+            Err(NoStep::Limits) => {
+                self.termination = Some(Termination::Stalled {
+                    lambda: 0.0,
+                    promised: f64::NAN,
                 });
                 self.current = Some(current);
                 return Ok((state.param(x).cost(cost), None));

@@ -4,7 +4,7 @@ use super::current::Current;
 use super::stop::{Termination, Tolerances};
 use super::{Evaluations, Explains, SolverState};
 use crate::least_squares::LeastSquares;
-use crate::step::{Qr, Step, StepSolver};
+use crate::step::{Bounded, Qr, Step, StepSolver};
 use argmin::argmin_error_closure;
 use argmin::core::{KV, Problem, Solver, TerminationStatus};
 use argmin::kv;
@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 /// every regular minimum. A trial whose cost or Jacobian is not finite is a rejected step.
 ///
 /// Where a trial gained less than promised, the next one bends with the valley: a second-order
-/// correction for one more residual (geodesic acceleration; not under bounds or robust losses).
+/// correction for one more residual (geodesic acceleration; not where a limit is active or losses are robust).
 ///
 /// # Requirements
 /// The problem implements [`LeastSquares`]; argmin's executor drives it
@@ -41,8 +41,8 @@ pub struct LevenbergMarquardt<S = Qr> {
     scale: Vec<f64>,
     evaluations: Evaluations,
     termination: Option<Termination>,
-    #[serde(skip)]
-    step: S,
+    #[serde(skip, default)]
+    step: Bounded<S>,
     #[serde(skip)]
     current: Option<Current>,
 }
@@ -82,7 +82,7 @@ impl<S: StepSolver> LevenbergMarquardt<S> {
             scale: Vec::new(),
             evaluations: Evaluations::default(),
             termination: None,
-            step,
+            step: Bounded::new(step),
             current: None,
         }
     }
@@ -226,15 +226,20 @@ impl<S: StepSolver> LevenbergMarquardt<S> {
                 .sqrt()
         };
         let ratio = 2.0 * scaled(&correction) / scaled(&step.delta);
-        (ratio <= BEND).then(|| Bent {
-            delta: step
-                .delta
-                .iter()
-                .zip(&correction)
-                .map(|(v, a)| v + 0.5 * a)
-                .collect(),
-            ratio,
-        })
+        (ratio <= BEND)
+            .then(|| Bent {
+                delta: step
+                    .delta
+                    .iter()
+                    .zip(&correction)
+                    .map(|(v, a)| v + 0.5 * a)
+                    .collect(),
+                ratio,
+            })
+            .filter(|bent| {
+                let bounds = current.bounds.as_ref();
+                bounds.is_none_or(|bounds| bounds.hold(&bent.delta))
+            })
     }
 }
 
@@ -306,7 +311,7 @@ where
                 Some(kv!("lambda" => self.lambda;)),
             ));
         };
-        let bendable = self.curved && current.bounds.is_none();
+        let bendable = self.curved && !step.limited;
         let bendable = problem.problem("describe_count", |p| Ok(bendable && !p.is_robust()))?;
         let bend = if bendable {
             self.evaluations.residual += 1;

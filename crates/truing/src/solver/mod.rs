@@ -10,9 +10,10 @@ pub use levenberg_marquardt::LevenbergMarquardt;
 pub use stop::{Termination, Tolerances};
 
 use crate::error::Error;
-use crate::least_squares::LeastSquares;
+use crate::least_squares::{LeastSquares, Linearization};
 use crate::problem::Problem;
 use crate::solution::{BlockReport, Solution};
+use crate::step::{ActiveAt, Multiplier, Side, kkt};
 use crate::variable::Values;
 use argmin::core::observers::{Observe, ObserverMode};
 use argmin::core::{Executor, IterState, KV, Solver, State, TerminationReason, TerminationStatus};
@@ -145,6 +146,44 @@ pub struct Outcome<P> {
     pub evaluations: Evaluations,
     /// Why it stopped.
     pub termination: Termination,
+    /// The limits that are active there.
+    pub limits: Vec<ActiveLimit>,
+}
+
+/// A limit that is active at a solution.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ActiveLimit {
+    /// The component, or the linear limit, in words.
+    pub name: String,
+    /// Whose limit it is.
+    pub limit: ActiveAt,
+    /// Which side is active.
+    pub side: Side,
+    /// −∂cost/∂limit: by how much the cost would fall if the limit rose by one unit. Positive at an
+    /// upper limit, negative at a lower one; zero where the limit holds nothing back.
+    pub multiplier: f64,
+}
+
+/// The limits that are active at a point, with their multipliers.
+pub fn active_limits<O: LeastSquares>(problem: &O, x: &O::Point) -> Vec<ActiveLimit> {
+    let Some(bounds) = problem.step_bounds(x) else {
+        return Vec::new();
+    };
+    let mut lin = Linearization::new(problem.structure());
+    problem.linearize(x, &mut lin);
+    kkt(&lin, &problem.free(), Some(&bounds))
+        .multipliers
+        .into_iter()
+        .map(|Multiplier { limit, side, value }| ActiveLimit {
+            name: match limit {
+                ActiveAt::Column(column) => problem.describe_column(column),
+                ActiveAt::Row(row) => problem.describe_limit(row),
+            },
+            limit,
+            side,
+            multiplier: value,
+        })
+        .collect()
 }
 
 /// Solves any least-squares problem from `start`.
@@ -188,6 +227,7 @@ where
     }
     let mut residual = vec![0.0; structure.rows];
     let initial_cost = problem.residual(&start, &mut residual);
+    let start = problem.feasible(&start)?;
     let limit = settings.tolerances.max_iterations;
     let solver = Interruptible {
         solver,
@@ -230,6 +270,7 @@ where
     };
     match point {
         Some(point) => Ok(Outcome {
+            limits: active_limits(problem, &point),
             point,
             cost,
             initial_cost,
@@ -284,6 +325,7 @@ pub fn solve_from(
         initial_cost: outcome.initial_cost,
         iterations: outcome.iterations,
         evaluations: outcome.evaluations,
+        limits: outcome.limits,
         blocks,
     })
 }

@@ -1,0 +1,252 @@
+//! Multipliers of active limits, and what of the gradient they leave.
+
+use crate::least_squares::{Linearization, StepBounds};
+use faer::Mat;
+use serde::{Deserialize, Serialize};
+
+/// On which side a limit is active.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Side {
+    /// At the lower limit.
+    Lower,
+    /// At the upper limit.
+    Upper,
+    /// Lower and upper are the same.
+    Equal,
+}
+
+/// An active limit and its multiplier.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Multiplier {
+    /// Its column, or its row among the linear limits.
+    pub limit: ActiveAt,
+    /// The side that is active.
+    pub side: Side,
+    /// −∂cost/∂limit: by how much the cost falls if the limit rises by one. Positive at an upper
+    /// limit, negative at a lower one, either at an equality.
+    pub value: f64,
+}
+
+/// Which limit is active.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum ActiveAt {
+    /// The bound of a column.
+    Column(usize),
+    /// A linear limit, by its number in [`StepBounds::rows`].
+    Row(usize),
+}
+
+/// The first-order conditions of Karush, Kuhn and Tucker at a point.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Kkt {
+    /// Jᵀr + Aᵀz over the free columns, z the multipliers: zero at a minimum.
+    pub residual: Vec<f64>,
+    /// The active limits.
+    pub multipliers: Vec<Multiplier>,
+}
+
+/// The multipliers z of the limits that are active at δ = 0, right in sign, that leave least of the
+/// gradient: min ‖D⁻¹(Jᵀr + Aᵀz)‖, D the lengths of the columns.
+///
+/// # Reference
+/// Nocedal & Wright, section 12.3; Lawson & Hanson 1974, chapter 23 (non-negative least squares).
+pub fn kkt(lin: &Linearization, free: &[usize], bounds: Option<&StepBounds>) -> Kkt {
+    let gradient: Vec<f64> = free.iter().map(|column| lin.gradient(*column)).collect();
+    let Some(bounds) = bounds else {
+        return Kkt {
+            residual: gradient,
+            multipliers: Vec::new(),
+        };
+    };
+    let active = |lower: f64, upper: f64| match (lower >= 0.0, upper <= 0.0) {
+        // An equality may be off by rounding.
+        _ if lower == upper => Some(Side::Equal),
+        (true, true) => Some(Side::Equal),
+        (true, false) => Some(Side::Lower),
+        (false, true) => Some(Side::Upper),
+        (false, false) => None,
+    };
+    let length: Vec<f64> = free
+        .iter()
+        .map(|column| lin.column_norm(*column))
+        .map(|length| if length > 0.0 { length } else { 1.0 })
+        .collect();
+    let mut place = vec![None; lin.structure.cols()];
+    for (k, column) in free.iter().enumerate() {
+        place[*column] = Some(k);
+    }
+    // Every active limit with its normal in scaled components.
+    let mut limits: Vec<(ActiveAt, Side, Vec<(usize, f64)>)> = Vec::new();
+    for (k, column) in free.iter().enumerate() {
+        if let Some(side) = active(bounds.lower[*column], bounds.upper[*column]) {
+            let normal = vec![(k, 1.0 / length[k])];
+            limits.push((ActiveAt::Column(*column), side, normal));
+        }
+    }
+    for (row, linear) in bounds.rows.iter().enumerate() {
+        let normal: Vec<_> = (linear.terms.iter())
+            .filter_map(|(column, a)| place[*column].map(|k| (k, a / length[k])))
+            .filter(|(_, a)| *a != 0.0)
+            .collect();
+        if let Some(side) = active(linear.lower, linear.upper)
+            && !normal.is_empty()
+        {
+            limits.push((ActiveAt::Row(row), side, normal));
+        }
+    }
+    let scaled: Vec<f64> = gradient.iter().zip(&length).map(|(g, l)| g / l).collect();
+    let z = signed_multipliers(&scaled, &limits);
+    let mut residual = scaled;
+    for ((.., normal), z) in limits.iter().zip(&z) {
+        for (k, a) in normal {
+            residual[*k] += a * z;
+        }
+    }
+    // A component that a multiplier balances is balanced exactly, but for rounding.
+    for ((limit, _, normal), z) in limits.iter().zip(&z) {
+        if matches!(limit, ActiveAt::Column(_)) && *z != 0.0 {
+            residual[normal[0].0] = 0.0;
+        }
+    }
+    Kkt {
+        residual: residual.iter().zip(&length).map(|(e, l)| e * l).collect(),
+        multipliers: (limits.iter().zip(&z))
+            .map(|((limit, side, _), z)| Multiplier {
+                limit: *limit,
+                side: *side,
+                value: *z,
+            })
+            .collect(),
+    }
+}
+
+/// min ‖g + Σ zⱼ aⱼ‖ with zⱼ ≥ 0 at upper, ≤ 0 at lower limits.
+fn signed_multipliers(g: &[f64], limits: &[(ActiveAt, Side, Vec<(usize, f64)>)]) -> Vec<f64> {
+    let sign = |side: Side| match side {
+        Side::Upper => 1.0,
+        Side::Lower => -1.0,
+        Side::Equal => 0.0,
+    };
+    let only_bounds = (limits.iter()).all(|(limit, ..)| matches!(limit, ActiveAt::Column(_)));
+    if only_bounds {
+        return limits
+            .iter()
+            .map(|(_, side, normal)| {
+                let (k, a) = normal[0];
+                let z = -g[k] / a;
+                if sign(*side) * z < 0.0 { 0.0 } else { z }
+            })
+            .collect();
+    }
+    let mut passive: Vec<bool> = limits
+        .iter()
+        .map(|(_, side, _)| *side == Side::Equal)
+        .collect();
+    let mut z = vec![0.0; limits.len()];
+    let solve = |passive: &[bool]| {
+        let chosen: Vec<usize> = (0..limits.len()).filter(|j| passive[*j]).collect();
+        let normals: Vec<&[(usize, f64)]> =
+            chosen.iter().map(|j| limits[*j].2.as_slice()).collect();
+        let some = least_multipliers(g, &normals, |_| true);
+        let mut all = vec![0.0; limits.len()];
+        for (j, z) in chosen.iter().zip(some) {
+            all[*j] = z;
+        }
+        all
+    };
+    if passive.iter().any(|passive| *passive) {
+        z = solve(&passive);
+    }
+    let size = g.iter().fold(0.0_f64, |size, g| size.max(g.abs()));
+    for _ in 0..3 * limits.len() + 3 {
+        let mut left = g.to_vec();
+        for ((.., normal), z) in limits.iter().zip(&z) {
+            for (k, a) in normal {
+                left[*k] += a * z;
+            }
+        }
+        // How much it would help to let a multiplier grow in its direction.
+        let help = |j: usize| {
+            let (_, side, normal) = &limits[j];
+            let length = normal.iter().map(|(_, a)| a * a).sum::<f64>().sqrt();
+            let along: f64 = normal.iter().map(|(k, a)| a * left[*k]).sum();
+            -sign(*side) * along / length
+        };
+        let entering = (0..limits.len())
+            .filter(|j| !passive[*j])
+            .map(|j| (j, help(j)))
+            .max_by(|a, b| a.1.total_cmp(&b.1));
+        match entering {
+            Some((j, help)) if help > 1e-14 * size => passive[j] = true,
+            _ => break,
+        }
+        // Inner loop: those that would change sign leave.
+        for _ in 0..=limits.len() {
+            let next = solve(&passive);
+            let against = |j: usize| {
+                passive[j] && sign(limits[j].1) != 0.0 && sign(limits[j].1) * next[j] < 0.0
+            };
+            let Some((length, leaving)) = (0..limits.len())
+                .filter(|j| against(*j))
+                .map(|j| (z[j] / (z[j] - next[j]), j))
+                .min_by(|a, b| a.0.total_cmp(&b.0))
+            else {
+                z = next;
+                break;
+            };
+            for (z, next) in z.iter_mut().zip(&next) {
+                *z += length * (next - *z);
+            }
+            z[leaving] = 0.0;
+            passive[leaving] = false;
+        }
+    }
+    z
+}
+
+/// z of min ‖g + Σ zⱼ aⱼ‖ over the components that move; zero for normals that depend on others.
+pub(super) fn least_multipliers(
+    g: &[f64],
+    normals: &[&[(usize, f64)]],
+    moving: impl Fn(usize) -> bool,
+) -> Vec<f64> {
+    let components: Vec<usize> = (0..g.len()).filter(|k| moving(*k)).collect();
+    let mut index = vec![None; g.len()];
+    for (i, k) in components.iter().enumerate() {
+        index[*k] = Some(i);
+    }
+    let mut a = Mat::<f64>::zeros(components.len(), normals.len());
+    for (j, normal) in normals.iter().enumerate() {
+        for (k, coefficient) in *normal {
+            if let Some(i) = index[*k] {
+                a[(i, j)] = *coefficient;
+            }
+        }
+    }
+    let mut z = vec![0.0; normals.len()];
+    if components.is_empty() || normals.is_empty() {
+        return z;
+    }
+    let qr = a.col_piv_qr();
+    let (q, r) = (qr.compute_thin_Q(), qr.thin_R());
+    let order = qr.P().arrays().0;
+    let largest = r[(0, 0)].abs();
+    let rank = (0..r.nrows().min(r.ncols()))
+        .take_while(|k| r[(*k, *k)].abs() > 1e-11 * largest)
+        .count();
+    let mut u: Vec<f64> = (0..rank)
+        .map(|k| {
+            -(components.iter().enumerate())
+                .map(|(i, component)| q[(i, k)] * g[*component])
+                .sum::<f64>()
+        })
+        .collect();
+    for k in (0..rank).rev() {
+        let known: f64 = (k + 1..rank).map(|l| r[(k, l)] * u[l]).sum();
+        u[k] = (u[k] - known) / r[(k, k)];
+    }
+    for (k, u) in u.iter().enumerate() {
+        z[order[k]] = *u;
+    }
+    z
+}

@@ -8,10 +8,9 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use truing::manifold::{Rotation3, Vector};
-use truing::solver::LevenbergMarquardt;
 use truing::step::{Bounded, Qr, Side};
 use truing::{
-    ActiveLimit, Batch, Constraint, Error, LeastSquares, LinearLimit, Linearization, Method, Noise,
+    ActiveLimit, Batch, Constraint, Error, LeastSquares, LinearLimit, Linearization, Method,
     Problem, Scalar, Settings, Solution, StepBounds, Structure, Var, Views, solver,
 };
 
@@ -301,5 +300,320 @@ fn random_linear_limits_agree_with_clarabel_on_the_whole_problem() {
         let size = (linear.a.transpose() * &linear.b).amax();
         let violation = linear.kkt_violation(&found, &solution.limits);
         assert!(violation <= 1e-7 * (1.0 + size), "case {case}: {violation}");
+    }
+}
+
+/// Two correlated columns with x₀ ≤ 1: clamping the free optimum to the bound, as some solvers do,
+/// costs eighty times as much as the optimum on the bound.
+#[test]
+fn a_bound_is_not_a_clamp() {
+    let linear = Linear {
+        a: DMatrix::from_row_slice(3, 2, &[10.0, 9.9, 0.0, 1.0, 0.0, 0.0]),
+        b: DVector::from_row_slice(&[30.0, 1.0, 1.0]),
+        lower: vec![-5.0, -5.0],
+        upper: vec![1.0, 5.0],
+        rows: Vec::new(),
+    };
+    let (problem, x) = linear.problem(&[0.0, 0.0]);
+    for method in METHODS {
+        let solution = solved(&problem, method);
+        // With x₀ = 1: min over x₁ of (9.9 x₁ − 20)² + (x₁ − 1)².
+        let expected = [1.0, (9.9 * 20.0 + 1.0) / (9.9 * 9.9 + 1.0)];
+        let found = solution.values.get(x);
+        assert_eq!(found[0], 1.0);
+        assert_close(&found, &expected, 1e-12);
+        let clamped = linear.cost(&[1.0, 1.0]);
+        assert!(clamped > 50.0 * linear.cost(&found));
+        // The multiplier is −∂cost/∂x₀ there.
+        let [limit] = &solution.limits[..] else {
+            panic!("{:?}", solution.limits)
+        };
+        let slope = 10.0 * (10.0 + 9.9 * expected[1] - 30.0);
+        assert_eq!(limit.name, "component 0 of `x`");
+        assert_eq!(limit.side, Side::Upper);
+        assert_close(&[limit.multiplier], &[-slope], 1e-10);
+    }
+}
+
+const METHODS: [Method; 4] = [
+    Method::LevenbergMarquardt,
+    Method::GaussNewton,
+    Method::LineSearch,
+    Method::Dogleg,
+];
+
+/// A problem that sees to it that it is only ever evaluated where its limits hold.
+struct Watched<'a> {
+    problem: &'a Problem,
+    x: Var<Vector>,
+    inside: Box<dyn Fn(&[f64]) -> bool + 'a>,
+}
+
+impl LeastSquares for Watched<'_> {
+    type Point = truing::Values;
+    fn structure(&self) -> std::sync::Arc<Structure> {
+        LeastSquares::structure(self.problem)
+    }
+    fn residual(&self, x: &truing::Values, r: &mut [f64]) -> f64 {
+        let at = x.get(self.x);
+        assert!((self.inside)(&at), "evaluated outside: {at:?}");
+        LeastSquares::residual(self.problem, x, r)
+    }
+    fn linearize(&self, x: &truing::Values, lin: &mut Linearization) {
+        let at = x.get(self.x);
+        assert!((self.inside)(&at), "linearised outside: {at:?}");
+        LeastSquares::linearize(self.problem, x, lin);
+    }
+    fn plus(&self, x: &truing::Values, delta: &[f64]) -> truing::Values {
+        LeastSquares::plus(self.problem, x, delta)
+    }
+    fn norm(&self, x: &truing::Values) -> f64 {
+        LeastSquares::norm(self.problem, x)
+    }
+    fn step_bounds(&self, x: &truing::Values) -> Option<StepBounds> {
+        self.problem.step_bounds(x)
+    }
+}
+
+/// 10 (x₁ − x₀²), 1 − x₀.
+struct Rosenbrock;
+
+impl Constraint for Rosenbrock {
+    type Vars = (Vector,);
+    const DIM: usize = 2;
+    fn residual<T: Scalar>(&self, (x,): Views<'_, Self, T>, r: &mut [T]) {
+        r[0] = (x[1] - x[0] * x[0]) * 10.0;
+        r[1] = -x[0] + 1.0;
+    }
+}
+
+#[test]
+fn no_method_evaluates_the_model_outside_its_limits() {
+    // The bent valley of Rosenbrock along a wall x₀ + x₁ ≥ −0.3 in a box that ends before (1, 1).
+    for method in METHODS {
+        let mut problem = Problem::new();
+        let x = problem.add_variable::<Vector>("x", &vec![-1.2, 1.0]);
+        problem.add("rosenbrock", (x,), Rosenbrock);
+        problem.bound_component(x, 0, -2.0, 0.8);
+        problem.bound_component(x, 1, -0.4, 1.1);
+        let wall = LinearLimit::new("wall").term(x, 0, 1.0).term(x, 1, 1.0);
+        problem.add_limit(wall.at_least(-0.3));
+        let inside = |x: &[f64]| {
+            (-2.0..=0.8).contains(&x[0])
+                && (-0.4..=1.1).contains(&x[1])
+                && x[0] + x[1] >= -0.3 - 1e-15
+        };
+        let watched = Watched {
+            problem: &problem,
+            x,
+            inside: Box::new(inside),
+        };
+        let settings = Settings {
+            method,
+            ..Settings::default()
+        };
+        let start = problem.initial().clone();
+        let outcome = solver::run(&watched, start, &settings).unwrap();
+        assert!(
+            outcome.termination.converged(),
+            "{method:?}: {}",
+            outcome.termination
+        );
+        // On x₀ = 0.8 the best x₁ is 0.64.
+        assert_close(&outcome.point.get(x), &[0.8, 0.64], 1e-10);
+    }
+}
+
+#[test]
+fn clarabel_is_asked_only_where_a_limit_is_in_the_way_and_its_solver_is_kept() {
+    let mut rng = ChaCha8Rng::seed_from_u64(3);
+    let structure = std::sync::Arc::new(Structure::dense(8, 3));
+    let mut lin = Linearization::new(structure);
+    let mut steps = Bounded::new(Qr::default());
+    let mut bounds = StepBounds::unlimited(3);
+    for round in 0..20 {
+        for value in lin.values.iter_mut().chain(&mut lin.residual) {
+            *value = rng.sample(StandardNormal);
+        }
+        steps.factor(&lin, &[0, 1, 2], &[1.0; 3]);
+        // Wide bounds: never.
+        bounds.lower.fill(-1e3);
+        bounds.upper.fill(1e3);
+        let free = steps.step(1e-3, Some(&bounds)).unwrap();
+        assert!(!free.limited);
+        let (made, solved) = steps.programs();
+        assert!(made <= 1);
+        // A wall that changes sides in the middle of the step, so that the last active set is wrong.
+        let k = round % 3;
+        let middle = 0.5 * free.delta[k];
+        bounds.lower[k] = middle.min(0.0);
+        bounds.upper[k] = middle.max(0.0);
+        let step = steps.step(1e-3, Some(&bounds)).unwrap();
+        assert!(step.limited && step.delta[k] == middle);
+        let (made, more) = steps.programs();
+        assert_eq!(made, 1);
+        assert!(more <= solved + 1);
+    }
+    assert!(steps.programs().1 > 5);
+}
+
+#[test]
+fn a_ball_is_kept_and_its_step_is_the_damped_one_of_that_length() {
+    // H = diag(1, 4, 9), gradient −(1, 2, 3): y(λ) = gᵢ / (hᵢ + λ), ‖y‖ = Δ found by bisection.
+    let mut lin = Linearization::new(std::sync::Arc::new(Structure::dense(3, 3)));
+    lin.values = vec![1.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 3.0];
+    lin.residual = vec![-1.0, -1.0, -1.0];
+    let mut steps = Bounded::new(Qr::default());
+    steps.factor(&lin, &[0, 1, 2], &[1.0; 3]);
+    let damped = |lambda: f64| [1.0, 2.0, 3.0].map(|d: f64| d / (d * d + lambda));
+    let length = |y: &[f64]| y.iter().map(|y| y * y).sum::<f64>().sqrt();
+    for radius in [1e-3, 0.1, 0.5, 1.0] {
+        let (mut low, mut high) = (0.0, 1e6);
+        for _ in 0..200 {
+            let middle = 0.5 * (low + high);
+            if length(&damped(middle)) > radius {
+                low = middle;
+            } else {
+                high = middle;
+            }
+        }
+        let step = steps.ball(radius, None).unwrap();
+        assert!(step.scaled_norm <= radius * (1.0 + 1e-15));
+        assert_close(&step.delta, &damped(low), 1e-6);
+    }
+    // A ball that is wide enough changes nothing, and one that cuts a box keeps both.
+    assert_close(&steps.ball(10.0, None).unwrap().delta, &damped(0.0), 1e-14);
+    let mut bounds = StepBounds::unlimited(3);
+    bounds.upper[1] = 0.1;
+    let step = steps.ball(0.5, Some(&bounds)).unwrap();
+    assert!(step.delta[1] <= 0.1 && step.scaled_norm <= 0.5 * (1.0 + 1e-15));
+    // With y₁ = 0.1 the others have √(0.25 − 0.01) left: λ by bisection again.
+    let rest = |lambda: f64| [1.0 / (1.0 + lambda), 3.0 / (9.0 + lambda)];
+    let (mut low, mut high) = (0.0, 1e6);
+    for _ in 0..200 {
+        let middle = 0.5 * (low + high);
+        if length(&rest(middle)) > 0.24_f64.sqrt() {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    let [first, last] = rest(low);
+    assert_close(&step.delta, &[first, 0.1, last], 1e-6);
+}
+
+/// rotation · body − measured.
+struct Turned {
+    body: Vector3<f64>,
+    measured: Vector3<f64>,
+}
+
+impl Constraint for Turned {
+    type Vars = (Rotation3,);
+    const DIM: usize = 3;
+    fn residual<T: Scalar>(&self, (rotation,): Views<'_, Self, T>, r: &mut [T]) {
+        for i in 0..3 {
+            r[i] = T::from(-self.measured[i]);
+            for k in 0..3 {
+                r[i] += rotation[(i, k)] * self.body[k];
+            }
+        }
+    }
+}
+
+#[test]
+fn a_rotation_is_bounded_in_the_tangent_at_its_reference() {
+    // The measurements ask for a turn by 0.9 about z; the tangent at the reference, turned by 0.2
+    // about z, may go to 0.4 there: 0.6 in all, whatever the start.
+    let turn = |angle: f64| UnitQuaternion::from_scaled_axis(Vector3::new(0.0, 0.0, angle));
+    let matrix = |q: UnitQuaternion<f64>| *q.to_rotation_matrix().matrix();
+    for start in [
+        turn(0.2),
+        turn(0.5),
+        // Outside the bound.
+        turn(1.5),
+        turn(0.1) * UnitQuaternion::from_scaled_axis(Vector3::new(0.4, -0.3, 0.0)),
+    ] {
+        for method in METHODS {
+            let mut problem = Problem::new();
+            let rotation = problem.add_variable::<Rotation3>("rotation", &matrix(start));
+            for body in [Vector3::x(), Vector3::y(), Vector3::z()] {
+                let measured = turn(0.9) * body;
+                problem.add("turned", (rotation,), Turned { body, measured });
+            }
+            problem.limits_about(rotation, &matrix(turn(0.2)));
+            problem.bound_component(rotation, 2, -0.4, 0.4);
+            let solution = solved(&problem, method);
+            let found = solution.values.get(rotation);
+            let expected = matrix(turn(0.6));
+            assert!((found - expected).amax() < 1e-8, "{method:?}: {found}");
+            let [limit] = &solution.limits[..] else {
+                panic!("{:?}", solution.limits)
+            };
+            // Two of three vectors turn: cost = ½ · 2 · |2 sin(0.15)|², −∂cost/∂angle = 2 sin(0.3).
+            assert_close(&[limit.multiplier], &[2.0 * 0.3_f64.sin()], 1e-6);
+            assert_eq!(limit.name, "component 2 of `rotation`");
+        }
+    }
+}
+
+#[test]
+fn an_equality_tells_apart_what_the_measurements_do_not() {
+    // Only x₀ + x₁ is measured; x₀ − x₁ = 1 is known.
+    let linear = Linear {
+        a: DMatrix::from_row_slice(2, 2, &[1.0, 1.0, 1.0, 1.0]),
+        b: DVector::from_row_slice(&[3.0, 5.0]),
+        lower: vec![f64::NEG_INFINITY; 2],
+        upper: vec![f64::INFINITY; 2],
+        rows: vec![(vec![1.0, -1.0], 1.0, 1.0)],
+    };
+    let (problem, x) = linear.problem(&[7.0, 7.0]);
+    for method in METHODS {
+        let solution = solved(&problem, method);
+        assert_close(&solution.values.get(x), &[2.5, 1.5], 1e-12);
+    }
+}
+
+#[test]
+fn limits_that_contradict_each_other_are_an_error_that_names_them() {
+    let mut problem = Problem::new();
+    let x = problem.add_variable::<Vector>("x", &vec![0.0, 0.0]);
+    problem.add("rosenbrock", (x,), Rosenbrock);
+    problem.bound_component(x, 0, 0.0, 1.0);
+    problem.bound_component(x, 1, 0.0, 1.0);
+    let sum = LinearLimit::new("sum").term(x, 0, 1.0).term(x, 1, 1.0);
+    problem.add_limit(sum.at_least(2.5));
+    let error = truing::solve(&problem, &Settings::default()).unwrap_err();
+    assert_eq!(
+        error,
+        Error::Infeasible {
+            limits: "`sum`".into()
+        }
+    );
+    let empty = LinearLimit::new("empty").term(x, 0, 1.0).at_least(2.0);
+    problem.add_limit(empty.at_most(1.0));
+    let error = truing::solve(&problem, &Settings::default()).unwrap_err();
+    assert!(matches!(error, Error::Limit { name, .. } if name == "empty"));
+}
+
+#[test]
+fn a_bound_that_is_not_in_the_way_changes_no_bit() {
+    for method in METHODS {
+        let solve_with = |bounded: bool| {
+            let mut problem = Problem::new();
+            let x = problem.add_variable::<Vector>("x", &vec![-1.2, 1.0]);
+            problem.add("rosenbrock", (x,), Rosenbrock);
+            if bounded {
+                problem.bound_component(x, 0, -100.0, 100.0);
+                let sum = LinearLimit::new("sum").term(x, 0, 1.0).term(x, 1, 1.0);
+                problem.add_limit(sum.at_most(1e3));
+            }
+            let settings = Settings {
+                method,
+                ..Settings::default()
+            };
+            truing::solve(&problem, &settings).unwrap().values
+        };
+        assert_eq!(solve_with(true), solve_with(false), "{method:?}");
     }
 }

@@ -18,6 +18,8 @@ mod hello_world_analytic;
 mod hello_world_numeric;
 #[path = "../examples/kinds.rs"]
 mod kinds;
+#[path = "../examples/lbfgs.rs"]
+mod lbfgs;
 #[path = "../examples/mixed_constraints.rs"]
 mod mixed_constraints;
 #[path = "../examples/observers.rs"]
@@ -35,6 +37,12 @@ fn hello_world_is_the_same_with_automatic_analytic_and_numeric_derivatives() {
         assert_abs_diff_eq!(analytic[k], automatic[k], epsilon = 1e-9);
         assert_abs_diff_eq!(numeric[k], automatic[k], epsilon = 1e-7);
     }
+}
+
+#[test]
+fn lbfgs_of_argmin_reaches_the_same_cost() {
+    let [ours, theirs] = lbfgs::run(&mut Vec::new()).unwrap();
+    assert_abs_diff_eq!(ours, theirs, epsilon = 1e-6 * ours);
 }
 
 #[test]

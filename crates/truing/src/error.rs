@@ -96,6 +96,22 @@ pub enum Error {
         /// Free columns.
         columns: usize,
     },
+    /// A parameter vector of another length than the problem has free columns.
+    #[error("{found} parameters were given, the problem has {expected} free columns")]
+    Parameters {
+        /// How many were given.
+        found: usize,
+        /// How many there are.
+        expected: usize,
+    },
+    /// A curved variable is where the tangent at its starting value ends.
+    #[error(
+        "`{variable}` is too far from its starting value to be described by the tangent there; start closer, or use this crate's own solvers, which do not need it"
+    )]
+    Chart {
+        /// The variable.
+        variable: String,
+    },
     /// argmin's executor stopped: a checkpoint could not be written or an observer failed.
     #[error("the executor stopped: {0}")]
     Executor(String),

@@ -1,5 +1,6 @@
 #![doc = include_str!("../README.md")]
 
+mod argmin_traits;
 pub mod autodiff;
 mod block;
 pub mod check;

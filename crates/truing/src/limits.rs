@@ -118,6 +118,10 @@ impl Limits {
         self.references[variable] = Some(reference);
     }
 
+    pub fn of(&self, column: usize) -> (f64, f64) {
+        self.bounds[column]
+    }
+
     pub fn linear(&self) -> &[LinearLimit] {
         &self.linear
     }
@@ -356,7 +360,8 @@ impl Limits {
         }
         for limit in &self.linear {
             let finite = limit.terms.iter().all(|(_, a)| a.is_finite());
-            if !(limit.lower <= limit.upper) || !finite {
+            let holds = limit.lower <= limit.upper;
+            if !holds || !finite {
                 return Err(Error::Limit {
                     name: limit.name.clone(),
                     lower: limit.lower,

@@ -8,6 +8,9 @@ use crate::least_squares::{LeastSquares, Linearization, StepBounds, Structure};
 use crate::limits::{Limits, LinearLimit};
 use crate::prior::Prior;
 use crate::variable::{Slot, Values, Var, Variable, VariableSlot, Vars, slope};
+use nalgebra::DMatrix;
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 use std::ops::Range;
 use std::sync::{Arc, Mutex, OnceLock};
 
@@ -466,5 +469,86 @@ impl LeastSquares for Problem {
             .feasible(&self.variables, &self.initial, x, &self.fixed, |column| {
                 self.describe_column(column)
             })
+    }
+}
+
+/// The columns of a variable, and ∂(tangent at a point)/∂(tangent at the start) there; `None` for
+/// the identity.
+pub(crate) type ChartSlope = (Range<usize>, Option<DMatrix<f64>>);
+
+impl Problem {
+    /// x₀ ⊞ δ, whatever the limits.
+    pub(crate) fn retract_from_start(&self, delta: &[f64]) -> Values {
+        let mut out = self.initial.clone();
+        for variable in &self.variables {
+            let from = &self.initial.data[variable.ambient.clone()];
+            let out = &mut out.data[variable.ambient.clone()];
+            (variable.plus)(from, &delta[variable.tangent.clone()], out);
+        }
+        out
+    }
+
+    /// For x = x₀ ⊞ p, how the tangent at x moves with p: ∂((x₀ ⊞ p′) ⊟ x)/∂p′ at p′ = p.
+    ///
+    /// # Errors
+    /// If x is where the tangent at the start ends.
+    pub(crate) fn chart_slopes(&self, x: &Values) -> Result<Vec<ChartSlope>, Error> {
+        let of = |variable: &VariableSlot| {
+            let range = variable.tangent.clone();
+            if variable.flat {
+                return Ok((range, None));
+            }
+            let n = range.len();
+            let mut back = vec![0.0; n * n];
+            let (here, start) = (
+                &x.data[variable.ambient.clone()],
+                &self.initial.data[variable.ambient.clone()],
+            );
+            (variable.slope)(here, start, &mut back);
+            let inverse = DMatrix::from_row_slice(n, n, &back).try_inverse();
+            match inverse.filter(|m| m.iter().all(|m| m.is_finite())) {
+                Some(slope) => Ok((range, Some(slope))),
+                None => Err(Error::Chart {
+                    variable: variable.name.clone(),
+                }),
+            }
+        };
+        self.variables.iter().map(of).collect()
+    }
+
+    /// The starting values, then random ones without end, for
+    /// [`multi_start`](crate::solver::multi_start): free components that are bounded on both sides
+    /// are drawn uniformly between their bounds, others from the start ± `spread` (the tangent of a
+    /// curved variable), and linear limits then met by the nearest point. The same seed gives the
+    /// same starts.
+    ///
+    /// # Errors
+    /// If no point keeps all limits.
+    pub fn random_starts(
+        &self,
+        spread: f64,
+        seed: u64,
+    ) -> Result<impl Iterator<Item = Values> + '_, Error> {
+        let first = LeastSquares::feasible(self, &self.initial)?;
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let free = LeastSquares::free(self);
+        let draw = move || {
+            let mut delta = vec![0.0; self.columns];
+            for column in &free {
+                delta[*column] = spread * rng.random_range(-1.0..=1.0);
+            }
+            let mut x = self.retract_from_start(&delta);
+            for variable in self.variables.iter().filter(|variable| variable.flat) {
+                for (k, column) in variable.tangent.clone().enumerate() {
+                    let (lower, upper) = self.limits.of(column);
+                    if !self.fixed[column] && lower.is_finite() && upper.is_finite() {
+                        let share: f64 = rng.random_range(0.0..=1.0);
+                        x.data[variable.ambient.start + k] = lower + share * (upper - lower);
+                    }
+                }
+            }
+            LeastSquares::feasible(self, &x).ok()
+        };
+        Ok(std::iter::once(first).chain(std::iter::from_fn(draw)))
     }
 }

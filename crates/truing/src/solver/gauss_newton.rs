@@ -1,20 +1,22 @@
 //! Gauss–Newton.
 
 use super::current::Current;
+use super::finish::exhausted;
 use super::stop::{Termination, Tolerances};
 use super::{Evaluations, Explains, SolverState};
 use crate::least_squares::LeastSquares;
-use crate::step::{Bounded, NoStep, Qr, StepSolver};
+use crate::step::{Bounded, NoStep, Qr, Step, StepSolver};
 use argmin::argmin_error_closure;
 use argmin::core::{KV, Problem, Solver, TerminationStatus};
 use argmin::kv;
 use serde::{Deserialize, Serialize};
 
-/// Gauss–Newton with full steps: min ‖Jδ + r‖².
+/// Gauss–Newton: min ‖Jδ + r‖².
 ///
-/// Every step is taken, whether it lowers the cost or not: this is the plain method, fast near the
-/// solution and without a safeguard elsewhere. Columns that depend on others end it with
-/// [`Termination::Singular`].
+/// Every step is taken whole, whether it lowers the cost or not: this is the plain method, fast near
+/// the solution and without a safeguard elsewhere. With [`line_search`](Self::line_search) a step is
+/// shortened until the cost falls as the gradient promises, at least by a part (Armijo). Columns that
+/// depend on others end it with [`Termination::Singular`].
 ///
 /// # Requirements
 /// The problem implements [`LeastSquares`]; argmin's executor drives it.
@@ -25,6 +27,7 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Serialize, Deserialize)]
 pub struct GaussNewton<S = Qr> {
     tolerances: Tolerances,
+    line_search: bool,
     scale: Vec<f64>,
     evaluations: Evaluations,
     termination: Option<Termination>,
@@ -52,6 +55,7 @@ impl<S: StepSolver> GaussNewton<S> {
     pub fn with_step_solver(step: S) -> Self {
         Self {
             tolerances: Tolerances::default(),
+            line_search: false,
             scale: Vec::new(),
             evaluations: Evaluations::default(),
             termination: None,
@@ -60,11 +64,60 @@ impl<S: StepSolver> GaussNewton<S> {
         }
     }
 
+    /// Whether steps are shortened until the cost falls (not by default).
+    #[must_use]
+    pub fn line_search(mut self, line_search: bool) -> Self {
+        self.line_search = line_search;
+        self
+    }
+
     /// With other tolerances.
     #[must_use]
     pub fn tolerances(mut self, tolerances: Tolerances) -> Self {
         self.tolerances = tolerances;
         self
+    }
+}
+
+/// The part of what the gradient promises that a shortened step must keep (Armijo's constant).
+const ARMIJO: f64 = 1e-4;
+
+/// A step is shortened at most this often; 2⁻⁵⁰ of it is rounding.
+const SHORTENED: usize = 50;
+
+impl<S: StepSolver> GaussNewton<S> {
+    /// The part t of the step δ with cost(x ⊞ tδ) ≤ cost + 10⁻⁴ t gᵀδ, from one down by the minimum
+    /// of the parabola through what is known, kept between a tenth and a half; `None` if the cost
+    /// does not fall at all (Nocedal & Wright, section 3.5).
+    fn search<O: LeastSquares>(
+        &mut self,
+        problem: &mut Problem<O>,
+        x: &O::Point,
+        step: &Step,
+        current: &mut Current,
+    ) -> Result<Option<f64>, argmin::core::Error> {
+        let cost = current.lin.cost;
+        let slope: f64 = (current.free.iter())
+            .map(|column| current.lin.gradient(*column) * step.delta[*column])
+            .sum();
+        let mut length = 1.0;
+        for _ in 0..SHORTENED {
+            let delta: Vec<f64> = step.delta.iter().map(|d| length * d).collect();
+            let trial = problem.problem("residual_count", |p| {
+                Ok(p.residual(&p.plus(x, &delta), &mut current.trial_residual))
+            })?;
+            self.evaluations.residual += 1;
+            if trial <= cost + ARMIJO * length * slope {
+                return Ok(Some(length));
+            }
+            let shorter = -0.5 * slope * length * length / (trial - cost - slope * length);
+            length = if shorter.is_finite() {
+                shorter.clamp(0.1 * length, 0.5 * length)
+            } else {
+                0.1 * length
+            };
+        }
+        Ok(None)
     }
 }
 
@@ -153,8 +206,25 @@ where
             }
         };
         let iteration = state.iter + 1;
+        let mut length = 1.0;
+        if self.line_search {
+            match self.search(problem, &x, &step, &mut current)? {
+                Some(found) => length = found,
+                None => {
+                    let size = problem.problem("describe_count", |p| Ok(p.norm(&x)))?;
+                    let ended = exhausted(&mut self.step, 0.0, &current, size, &self.tolerances);
+                    self.termination = ended.or(Some(Termination::Stalled {
+                        lambda: 0.0,
+                        promised: step.predicted / cost,
+                    }));
+                    self.current = Some(current);
+                    return Ok((state.param(x).cost(cost), None));
+                }
+            }
+        }
         let (trial, size) = problem.problem("linearize_count", |p| {
-            let trial = p.plus(&x, &step.delta);
+            let delta: Vec<f64> = step.delta.iter().map(|d| length * d).collect();
+            let trial = p.plus(&x, &delta);
             current.linearize(p, &trial);
             Ok((trial, p.norm(&x)))
         })?;
@@ -176,7 +246,7 @@ where
                 value: promised,
                 tolerance,
             });
-        } else if self.termination.is_none() && relative <= self.tolerances.step {
+        } else if self.termination.is_none() && length * relative <= self.tolerances.step {
             self.termination = Some(Termination::Step {
                 value: relative,
                 tolerance: self.tolerances.step,
@@ -186,7 +256,7 @@ where
         self.current = Some(current);
         Ok((
             state.param(trial).cost(cost),
-            Some(kv!("step" => relative; "predicted" => promised;)),
+            Some(kv!("step" => length * relative; "predicted" => promised;)),
         ))
     }
 

@@ -1,12 +1,18 @@
-//! Solvers: Gauss–Newton and Levenberg–Marquardt as argmin `Solver`s, and [`solve`], which runs them.
+//! Solvers: Gauss–Newton, Levenberg–Marquardt and the dogleg as argmin `Solver`s, and [`solve`],
+//! which runs them.
 
 mod current;
+mod dogleg;
+mod finish;
 mod gauss_newton;
 mod levenberg_marquardt;
+mod multi_start;
 mod stop;
 
+pub use dogleg::Dogleg;
 pub use gauss_newton::GaussNewton;
 pub use levenberg_marquardt::LevenbergMarquardt;
+pub use multi_start::{Budget, Minimum, Search, SearchEnd, multi_start};
 pub use stop::{Termination, Tolerances};
 
 use crate::error::Error;
@@ -32,6 +38,10 @@ pub enum Method {
     LevenbergMarquardt,
     /// [`GaussNewton`]: full steps; fast near the solution, no safeguard.
     GaussNewton,
+    /// [`GaussNewton`] with a line search: the cost never rises; no help where J is singular.
+    LineSearch,
+    /// [`Dogleg`]: a trust region; rejected steps cost no factorisation.
+    Dogleg,
 }
 
 /// What is told of every iteration.
@@ -206,6 +216,20 @@ pub fn run<O: LeastSquares>(
             problem,
             start,
             GaussNewton::new().tolerances(settings.tolerances),
+            settings,
+        ),
+        Method::LineSearch => run_with(
+            problem,
+            start,
+            GaussNewton::new()
+                .line_search(true)
+                .tolerances(settings.tolerances),
+            settings,
+        ),
+        Method::Dogleg => run_with(
+            problem,
+            start,
+            Dogleg::new().tolerances(settings.tolerances),
             settings,
         ),
     }

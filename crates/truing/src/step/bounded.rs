@@ -240,6 +240,19 @@ impl<S: StepSolver> Bounded<S> {
         self.solver.gradient(&vec![0.0; self.free.len()])
     }
 
+    /// D⁻¹Jᵀ(JD⁻¹y + r): the gradient at scaled free components y.
+    pub fn gradient_at(&self, y: &[f64]) -> Vec<f64> {
+        self.solver.gradient(y)
+    }
+
+    /// The step of the solver itself, scaled, whatever the limits.
+    ///
+    /// # Errors
+    /// With λ = 0, names a free column that depends on others.
+    pub fn free_step(&mut self, lambda: f64) -> Result<Vec<f64>, NoStep> {
+        self.solver.solve(lambda, None)
+    }
+
     /// The step y / D for scaled free components.
     pub fn along(&self, y: Vec<f64>) -> Step {
         self.finished(y, None, false)

@@ -45,6 +45,13 @@ pub struct Kkt {
     pub multipliers: Vec<Multiplier>,
 }
 
+/// An active limit with its normal in scaled free components.
+struct ActiveLimit {
+    at: ActiveAt,
+    side: Side,
+    normal: Vec<(usize, f64)>,
+}
+
 /// The multipliers z of the limits that are active at δ = 0, right in sign, that leave least of the
 /// gradient: min ‖D⁻¹(Jᵀr + Aᵀz)‖, D the lengths of the columns.
 ///
@@ -75,12 +82,14 @@ pub fn kkt(lin: &Linearization, free: &[usize], bounds: Option<&StepBounds>) -> 
     for (k, column) in free.iter().enumerate() {
         place[*column] = Some(k);
     }
-    // Every active limit with its normal in scaled components.
-    let mut limits: Vec<(ActiveAt, Side, Vec<(usize, f64)>)> = Vec::new();
+    let mut limits: Vec<ActiveLimit> = Vec::new();
     for (k, column) in free.iter().enumerate() {
         if let Some(side) = active(bounds.lower[*column], bounds.upper[*column]) {
-            let normal = vec![(k, 1.0 / length[k])];
-            limits.push((ActiveAt::Column(*column), side, normal));
+            limits.push(ActiveLimit {
+                at: ActiveAt::Column(*column),
+                side,
+                normal: vec![(k, 1.0 / length[k])],
+            });
         }
     }
     for (row, linear) in bounds.rows.iter().enumerate() {
@@ -91,29 +100,33 @@ pub fn kkt(lin: &Linearization, free: &[usize], bounds: Option<&StepBounds>) -> 
         if let Some(side) = active(linear.lower, linear.upper)
             && !normal.is_empty()
         {
-            limits.push((ActiveAt::Row(row), side, normal));
+            limits.push(ActiveLimit {
+                at: ActiveAt::Row(row),
+                side,
+                normal,
+            });
         }
     }
     let scaled: Vec<f64> = gradient.iter().zip(&length).map(|(g, l)| g / l).collect();
     let z = signed_multipliers(&scaled, &limits);
     let mut residual = scaled;
-    for ((.., normal), z) in limits.iter().zip(&z) {
-        for (k, a) in normal {
+    for (limit, z) in limits.iter().zip(&z) {
+        for (k, a) in &limit.normal {
             residual[*k] += a * z;
         }
     }
     // A component that a multiplier balances is balanced exactly, but for rounding.
-    for ((limit, _, normal), z) in limits.iter().zip(&z) {
-        if matches!(limit, ActiveAt::Column(_)) && *z != 0.0 {
-            residual[normal[0].0] = 0.0;
+    for (limit, z) in limits.iter().zip(&z) {
+        if matches!(limit.at, ActiveAt::Column(_)) && *z != 0.0 {
+            residual[limit.normal[0].0] = 0.0;
         }
     }
     Kkt {
         residual: residual.iter().zip(&length).map(|(e, l)| e * l).collect(),
         multipliers: (limits.iter().zip(&z))
-            .map(|((limit, side, _), z)| Multiplier {
-                limit: *limit,
-                side: *side,
+            .map(|(limit, z)| Multiplier {
+                limit: limit.at,
+                side: limit.side,
                 value: *z,
             })
             .collect(),
@@ -121,32 +134,34 @@ pub fn kkt(lin: &Linearization, free: &[usize], bounds: Option<&StepBounds>) -> 
 }
 
 /// min ‖g + Σ zⱼ aⱼ‖ with zⱼ ≥ 0 at upper, ≤ 0 at lower limits.
-fn signed_multipliers(g: &[f64], limits: &[(ActiveAt, Side, Vec<(usize, f64)>)]) -> Vec<f64> {
+fn signed_multipliers(g: &[f64], limits: &[ActiveLimit]) -> Vec<f64> {
     let sign = |side: Side| match side {
         Side::Upper => 1.0,
         Side::Lower => -1.0,
         Side::Equal => 0.0,
     };
-    let only_bounds = (limits.iter()).all(|(limit, ..)| matches!(limit, ActiveAt::Column(_)));
+    let only_bounds = (limits.iter()).all(|limit| matches!(limit.at, ActiveAt::Column(_)));
     if only_bounds {
         return limits
             .iter()
-            .map(|(_, side, normal)| {
-                let (k, a) = normal[0];
+            .map(|limit| {
+                let (k, a) = limit.normal[0];
                 let z = -g[k] / a;
-                if sign(*side) * z < 0.0 { 0.0 } else { z }
+                if sign(limit.side) * z < 0.0 { 0.0 } else { z }
             })
             .collect();
     }
     let mut passive: Vec<bool> = limits
         .iter()
-        .map(|(_, side, _)| *side == Side::Equal)
+        .map(|limit| limit.side == Side::Equal)
         .collect();
     let mut z = vec![0.0; limits.len()];
     let solve = |passive: &[bool]| {
         let chosen: Vec<usize> = (0..limits.len()).filter(|j| passive[*j]).collect();
-        let normals: Vec<&[(usize, f64)]> =
-            chosen.iter().map(|j| limits[*j].2.as_slice()).collect();
+        let normals: Vec<&[(usize, f64)]> = chosen
+            .iter()
+            .map(|j| limits[*j].normal.as_slice())
+            .collect();
         let some = least_multipliers(g, &normals, |_| true);
         let mut all = vec![0.0; limits.len()];
         for (j, z) in chosen.iter().zip(some) {
@@ -160,14 +175,14 @@ fn signed_multipliers(g: &[f64], limits: &[(ActiveAt, Side, Vec<(usize, f64)>)])
     let size = g.iter().fold(0.0_f64, |size, g| size.max(g.abs()));
     for _ in 0..3 * limits.len() + 3 {
         let mut left = g.to_vec();
-        for ((.., normal), z) in limits.iter().zip(&z) {
-            for (k, a) in normal {
+        for (limit, z) in limits.iter().zip(&z) {
+            for (k, a) in &limit.normal {
                 left[*k] += a * z;
             }
         }
         // How much it would help to let a multiplier grow in its direction.
         let help = |j: usize| {
-            let (_, side, normal) = &limits[j];
+            let ActiveLimit { side, normal, .. } = &limits[j];
             let length = normal.iter().map(|(_, a)| a * a).sum::<f64>().sqrt();
             let along: f64 = normal.iter().map(|(k, a)| a * left[*k]).sum();
             -sign(*side) * along / length
@@ -183,9 +198,7 @@ fn signed_multipliers(g: &[f64], limits: &[(ActiveAt, Side, Vec<(usize, f64)>)])
         // Inner loop: those that would change sign leave.
         for _ in 0..=limits.len() {
             let next = solve(&passive);
-            let against = |j: usize| {
-                passive[j] && sign(limits[j].1) != 0.0 && sign(limits[j].1) * next[j] < 0.0
-            };
+            let against = |j: usize| passive[j] && sign(limits[j].side) * next[j] < 0.0;
             let Some((length, leaving)) = (0..limits.len())
                 .filter(|j| against(*j))
                 .map(|j| (z[j] / (z[j] - next[j]), j))

@@ -245,6 +245,65 @@ fn planes_registered() -> Result<(), Failed> {
     near("planes and ball fitted", with, 0.49, 0.01)
 }
 
+/// With bounds of 0.5 mm and 1 mrad about nominal nothing collapses: many end at their bounds, which
+/// are listed with multipliers that pull outwards, and the tracker, never used, gets better.
+fn planes_with_bounds() -> Result<(), Failed> {
+    let bounds = [
+        ("theta*", "1 mrad"),
+        ("alpha*", "1 mrad"),
+        ("beta*", "1 mrad"),
+    ]
+    .into_iter()
+    .chain([("d*", "0.5 mm"), ("a*", "0.5 mm")])
+    .map(|(name, width)| format!("\"{name}\" = \"{width}\""))
+    .collect::<Vec<_>>()
+    .join(", ");
+    let keys = format!("fixed = [\"K*\"]\nbounds = {{ {bounds} }}");
+    let result = planes(&keys, "sigma = \"0.3 mm\"");
+    assert!(result.termination.converged, "{:?}", result.termination);
+    assert!(result.trusted, "{:?}", result.warnings);
+    let mut active = 0;
+    for p in result
+        .parameters
+        .iter()
+        .filter(|p| p.status == Status::Estimated)
+    {
+        let width = if p.unit == "m" { 0.5e-3 } else { 1e-3 };
+        let moved = p.estimate - p.nominal;
+        // The difference of two numbers of the size of the nominal value.
+        let rounding = 4.0 * f64::EPSILON * (p.nominal.abs() + width);
+        assert!(
+            moved.abs() <= width + rounding,
+            "{} moved by {moved}",
+            p.name
+        );
+        if let Some(side) = p.at_bound {
+            active += 1;
+            let sign = if side == "upper" { 1.0 } else { -1.0 };
+            let pull = p.multiplier.unwrap_or(f64::NAN) * sign;
+            assert!(pull > 0.0 && p.sigma.is_none(), "{p:?}");
+            assert!((moved - sign * width).abs() <= rounding, "{p:?}");
+        }
+    }
+    println!(
+        "  {active} of {} parameters at a bound",
+        result.identifiable
+    );
+    assert!((5..result.identifiable).contains(&active), "{active}");
+    assert!(
+        result
+            .warnings
+            .iter()
+            .any(|w| w.starts_with("ended at a bound"))
+    );
+    let (registered, after) = mm(&result.constraints[0]);
+    println!("  touches {registered:.4} -> {after:.4} mm");
+    assert!(after < 0.7 * registered);
+    let (registered, after) = mm(&result.validation[0]);
+    println!("  tracker, not used {registered:.4} -> {after:.4} mm");
+    at_most("tracker", after, registered)
+}
+
 /// With a prior and a robust loss the planes' residual is 0.35 mm and the tracker's, never used,
 /// 0.57 mm (README): worse than the registered nominal robot, so the result is not trusted.
 fn planes_with_prior() -> Result<(), Failed> {
@@ -639,6 +698,7 @@ fn main() -> ExitCode {
         .with_ignored_flag(absent),
         trial("a_parked_joint_is_unexcited", parked_joint_as_data),
         trial("planes_registered", planes_registered),
+        trial("planes_with_bounds", planes_with_bounds),
         trial("planes_with_prior", planes_with_prior),
         trial(
             "planes_alone_collapse_and_are_not_trusted",

@@ -80,6 +80,15 @@ fn a_parameter_at_its_bound_has_no_standard_deviation() {
     let result = bounded.run(&|_| {}).unwrap().result;
     let at = find(&result, "theta5");
     assert!(at.at_bound.is_some() && at.sigma.is_none(), "{at:?}");
+    // The multiplier is the slope of the cost: with the bounds a little wider the cost is lower by
+    // the multiplier times the difference.
+    let cost = |part: f64| {
+        let mut moved = bounded.clone();
+        moved.estimate.bounds = vec![(0, k, -part * error.abs(), part * error.abs())];
+        moved.run(&|_| {}).unwrap().result.cost
+    };
+    let slope = (cost(0.201) - cost(0.199)) / (0.002 * error.abs()) * error.signum();
+    approx::assert_relative_eq!(at.multiplier.unwrap(), -slope, max_relative = 1e-3);
     assert_eq!(at.status, Status::Estimated);
     approx::assert_relative_eq!(
         (at.estimate - at.nominal).abs(),

@@ -3,12 +3,14 @@
 use super::assembly::Assembly;
 use super::measurement::Measured;
 use super::prediction::Prediction;
+use super::report::multiplier;
 use super::result::SetResult;
 use super::run::{Calibration, Fitted};
 use super::select::Choice;
 use super::state::State;
 use super::uncertainty::Uncertainty;
 use crate::kinematics::Unit;
+use truing::Solution;
 
 impl Calibration {
     pub(super) fn warn(
@@ -170,6 +172,7 @@ impl Calibration {
     pub(super) fn doubt_limits(
         &self,
         estimated: &State,
+        solution: &Solution,
         assembly: &Assembly,
         choices: &[Choice],
         warnings: &mut Vec<String>,
@@ -195,19 +198,30 @@ impl Calibration {
                 shortened(&beyond)
             ));
         }
-        let at_bounds: Vec<String> = self
+        // With by how much the cost would fall over the width of the interval.
+        let mut at_bounds: Vec<(f64, String)> = self
             .estimate
             .bounds
             .iter()
             .filter(|(r, k, ..)| is_estimated(*r, *k))
-            .filter_map(|(r, k, ..)| {
+            .filter_map(|(r, k, lower, upper)| {
                 let side = self.at_bound(*r, *k, estimated.robots[*r][*k])?;
-                Some(format!("{} ({side})", self.arms[*r].parameter_name(*k)))
+                let column = assembly.robot(*r).column() + k;
+                let pull = multiplier(solution, column).map_or(0.0, f64::abs) * (upper - lower);
+                let name = self.arms[*r].parameter_name(*k);
+                Some((pull, format!("{name} ({side})")))
             })
             .collect();
+        at_bounds.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let at_bounds: Vec<String> = at_bounds.into_iter().map(|(_, text)| text).collect();
         if !at_bounds.is_empty() {
+            let hardest = if at_bounds.len() > 1 {
+                " (the strongest pull first)"
+            } else {
+                ""
+            };
             warnings.push(format!(
-                "ended at a bound, beyond which the data would go: {}",
+                "ended at a bound, beyond which the data would go{hardest}: {}",
                 shortened(&at_bounds)
             ));
         }

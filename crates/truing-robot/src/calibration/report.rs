@@ -12,7 +12,8 @@ use super::select::Choice;
 use super::state::{Owner, State};
 use super::uncertainty::Uncertainty;
 use crate::error::Error;
-use truing::Solution;
+use truing::step::ActiveAt;
+use truing::{ActiveLimit, Solution};
 
 /// Puts the result together.
 pub(super) struct Report<'a> {
@@ -37,7 +38,7 @@ impl Report<'_> {
             .collect()
     }
 
-    fn parameters(&self, state: &State) -> Vec<ParameterResult> {
+    fn parameters(&self, state: &State, solution: &Solution) -> Vec<ParameterResult> {
         let arms = &self.calibration.arms;
         let mut results = Vec::new();
         for (column, info) in self.assembly.columns.iter().enumerate() {
@@ -62,6 +63,7 @@ impl Report<'_> {
                 status,
                 into,
                 at_bound,
+                multiplier: at_bound.and(multiplier(solution, column)),
             });
         }
         results
@@ -191,7 +193,7 @@ impl Report<'_> {
             sigma0: self.uncertainty.map(|u| u.sigma0).filter(|s| s.is_finite()),
             constraints,
             validation,
-            parameters: self.parameters(state),
+            parameters: self.parameters(state, solution),
             frames,
             targets,
             planes,
@@ -202,4 +204,11 @@ impl Report<'_> {
             condition: self.uncertainty.map(|u| u.covariance.condition()),
         })
     }
+}
+
+/// The multiplier of a column's bound, if it is active.
+pub(super) fn multiplier(solution: &Solution, column: usize) -> Option<f64> {
+    let of_column = |limit: &&ActiveLimit| limit.limit == ActiveAt::Column(column);
+    let limit = solution.limits.iter().find(of_column)?;
+    Some(limit.multiplier)
 }

@@ -147,6 +147,10 @@ pub struct ParameterResult {
     /// For a bounded parameter that ended at a bound.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub at_bound: Option<&'static str>,
+    /// For one at a bound, its multiplier \[1/rad, 1/m or 1\]: by how much the cost would fall if the
+    /// bound rose by one unit. Positive at an upper bound, negative at a lower one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub multiplier: Option<f64>,
 }
 
 /// An estimated sensor frame: its pose in the reference frame.

@@ -302,7 +302,13 @@ impl Calibration {
             self.doubt_predictions(&predictions, &mut warnings);
             self.doubt_moves(&fitted.estimated, &assembly, uncertainty, &mut warnings);
         }
-        self.doubt_limits(&fitted.estimated, &assembly, &choices, &mut warnings);
+        self.doubt_limits(
+            &fitted.estimated,
+            &solution,
+            &assembly,
+            &choices,
+            &mut warnings,
+        );
         if self.has_collapsed(&fitted.nominal, &fitted.estimated)? {
             warnings.push(format!(
                 "{DISTRUST}the estimated robot fits because its joints hardly matter any more: it has collapsed, or its axes \

@@ -8,7 +8,12 @@ use truing::{
     Scalar, Settings, Solution, Structure, Termination, Var, Views, solver,
 };
 
-const METHODS: [Method; 2] = [Method::LevenbergMarquardt, Method::GaussNewton];
+const METHODS: [Method; 4] = [
+    Method::LevenbergMarquardt,
+    Method::GaussNewton,
+    Method::LineSearch,
+    Method::Dogleg,
+];
 
 fn settings(method: Method) -> Settings {
     Settings {
@@ -22,11 +27,14 @@ fn solve(problem: &Problem, method: Method) -> Solution {
     truing::solve(problem, &settings(method)).unwrap()
 }
 
-/// Both methods refuse to start, and say the same.
+/// All methods refuse to start, and say the same.
 #[track_caller]
 fn refusal(problem: &Problem) -> Error {
-    let [one, other] = METHODS.map(|method| truing::solve(problem, &settings(method)).unwrap_err());
-    assert_eq!(one.to_string(), other.to_string());
+    let [one, others @ ..] =
+        METHODS.map(|method| truing::solve(problem, &settings(method)).unwrap_err());
+    for other in others {
+        assert_eq!(one.to_string(), other.to_string());
+    }
     one
 }
 
@@ -197,13 +205,20 @@ fn a_derivative_that_is_not_finite_at_the_start_is_named() {
 }
 
 #[test]
-fn levenberg_marquardt_steps_back_from_where_the_model_is_not_defined() {
-    // The full step from 4 leads to 4 − 4 ln 4 < 0.
-    let (problem, x) = with_x(&[4.0], [Log { b: 0.0 }]);
-    let solution = solve(&problem, Method::LevenbergMarquardt);
-    assert!(solution.termination.converged(), "{}", solution.termination);
-    // Zero residual: x is known to a few ε.
-    assert!((solution.values.get(x)[0] - 1.0).abs() < 1e-14);
+fn all_but_plain_gauss_newton_step_back_from_where_the_model_is_not_defined() {
+    for method in [
+        Method::LevenbergMarquardt,
+        Method::LineSearch,
+        Method::Dogleg,
+    ] {
+        // The full step from 4 leads to 4 − 4 ln 4 < 0.
+        let (problem, x) = with_x(&[4.0], [Log { b: 0.0 }]);
+        let solution = solve(&problem, method);
+        assert!(solution.termination.converged(), "{}", solution.termination);
+        // Zero residual: x is known to a few ε.
+        let found = solution.values.get(x)[0];
+        assert!((found - 1.0).abs() < 1e-14, "{method:?}: {found}");
+    }
 }
 
 #[test]
@@ -263,14 +278,19 @@ fn a_derivative_that_vanishes_into_nan_on_the_way_is_not_convergence() {
 
 #[test]
 fn a_wrong_derivative_is_not_convergence() {
-    let lm = settings(Method::LevenbergMarquardt);
-    let outcome = solver::run(&Derivative::Wrong, 10.0, &lm).unwrap();
-    assert!(
-        matches!(outcome.termination, Termination::Stalled { .. }),
-        "{}",
-        outcome.termination
-    );
-    assert_eq!(outcome.point, 10.0);
+    for method in [
+        Method::LevenbergMarquardt,
+        Method::LineSearch,
+        Method::Dogleg,
+    ] {
+        let outcome = solver::run(&Derivative::Wrong, 10.0, &settings(method)).unwrap();
+        assert!(
+            matches!(outcome.termination, Termination::Stalled { .. }),
+            "{method:?}: {}",
+            outcome.termination
+        );
+        assert_eq!(outcome.point, 10.0);
+    }
     // Gauss–Newton runs away, and the start is the best it has seen.
     let gn = settings(Method::GaussNewton);
     let outcome = solver::run(&Derivative::Wrong, 10.0, &gn).unwrap();

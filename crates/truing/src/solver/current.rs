@@ -79,11 +79,7 @@ impl Current {
                 cosine = cosine.max(gradient.abs() / length / norm);
             }
         }
-        let positive: Vec<f64> = scale
-            .iter()
-            .map(|s| if *s > 0.0 { *s } else { 1.0 })
-            .collect();
-        step.factor(&self.lin, &self.free, &positive);
+        step.factor(&self.lin, &self.free, &positive(scale));
         let rounding = 8.0 * f64::EPSILON * longest;
         self.rounding = rounding;
         if norm <= rounding {
@@ -97,4 +93,12 @@ impl Current {
             tolerance: tolerances.gradient,
         })
     }
+}
+
+/// Lengths by which columns can be divided: those of zero columns are one.
+pub(super) fn positive(lengths: &[f64]) -> Vec<f64> {
+    lengths
+        .iter()
+        .map(|length| if *length > 0.0 { *length } else { 1.0 })
+        .collect()
 }

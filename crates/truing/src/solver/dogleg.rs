@@ -278,15 +278,27 @@ where
             let small = promised.max(decrease / cost) <= self.tolerances.cost
                 || relative <= self.tolerances.step;
             if self.termination.is_none() && small {
-                self.termination =
-                    exhausted(&mut self.step, damping, &current, size, &self.tolerances);
+                self.termination = exhausted(
+                    &mut self.step,
+                    damping,
+                    &current,
+                    &self.scale,
+                    size,
+                    &self.tolerances,
+                );
             }
         } else {
             let rounding = decrease.abs() <= ROUNDING * cost || relative <= self.tolerances.step;
             let tiny = before.is_nan() || relative <= f64::EPSILON * self.tolerances.step;
             if rounding || tiny {
-                self.termination =
-                    exhausted(&mut self.step, damping, &current, size, &self.tolerances);
+                self.termination = exhausted(
+                    &mut self.step,
+                    damping,
+                    &current,
+                    &self.scale,
+                    size,
+                    &self.tolerances,
+                );
             }
             if self.termination.is_none() && tiny {
                 self.termination = Some(Termination::Stalled {

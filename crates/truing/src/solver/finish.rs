@@ -1,7 +1,7 @@
 //! How a solver that lowers the cost ends: what is left to be gained, and the last digits.
 
 use super::Evaluations;
-use super::current::Current;
+use super::current::{Current, positive};
 use super::stop::{Termination, Tolerances};
 use crate::least_squares::LeastSquares;
 use crate::step::{Bounded, StepSolver};
@@ -18,8 +18,28 @@ pub(super) const UNDAMPED: f64 = f64::EPSILON;
 /// Whether nothing is left to be gained, seen from a trial that gained nothing: the undamped step
 /// promises rounding only or is down to it; or, where J is singular and the undamped step promises
 /// what curvature forbids, the one with damping `lambda` promises less than the tolerance. There the
-/// damping counts up to the length of the columns: beyond, any step is small.
+/// damping counts up to the length of the columns: beyond, any step is small. The columns count as
+/// long as they are here: scaled by what they once were, one that has shrunk would look dependent.
 pub(super) fn exhausted<S: StepSolver>(
+    step: &mut Bounded<S>,
+    lambda: f64,
+    current: &Current,
+    scale: &[f64],
+    size: f64,
+    tolerances: &Tolerances,
+) -> Option<Termination> {
+    let lengths: Vec<f64> = (current.free.iter())
+        .map(|column| current.lin.column_norm(*column))
+        .collect();
+    step.factor(&current.lin, &current.free, &positive(&lengths));
+    let ended = exhausted_here(step, lambda, current, size, tolerances);
+    if ended.is_none() {
+        step.factor(&current.lin, &current.free, &positive(scale));
+    }
+    ended
+}
+
+fn exhausted_here<S: StepSolver>(
     step: &mut Bounded<S>,
     lambda: f64,
     current: &Current,

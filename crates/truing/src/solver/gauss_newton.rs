@@ -1,7 +1,7 @@
 //! Gauss–Newton.
 
 use super::current::Current;
-use super::finish::exhausted;
+use super::finish::{ROUNDING, exhausted};
 use super::stop::{Termination, Tolerances};
 use super::{Evaluations, Explains, SolverState};
 use crate::least_squares::LeastSquares;
@@ -108,7 +108,9 @@ impl<S: StepSolver> GaussNewton<S> {
             })?;
             self.evaluations.residual += 1;
             if trial <= cost + ARMIJO * length * slope {
-                return Ok(Some(length));
+                // What a short step promises may be less than the rounding of the cost: nothing fell.
+                let seen = length == 1.0 || -length * slope > ROUNDING * cost;
+                return Ok(seen.then_some(length));
             }
             let shorter = -0.5 * slope * length * length / (trial - cost - slope * length);
             length = if shorter.is_finite() {
@@ -212,7 +214,14 @@ where
                 Some(found) => length = found,
                 None => {
                     let size = problem.problem("describe_count", |p| Ok(p.norm(&x)))?;
-                    let ended = exhausted(&mut self.step, 0.0, &current, size, &self.tolerances);
+                    let ended = exhausted(
+                        &mut self.step,
+                        0.0,
+                        &current,
+                        &self.scale,
+                        size,
+                        &self.tolerances,
+                    );
                     self.termination = ended.or(Some(Termination::Stalled {
                         lambda: 0.0,
                         promised: step.predicted / cost,

@@ -14,6 +14,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use truing_robot::file::{CalibrationFile, RobotFile, SimulationFile, StudyFile};
 
+#[path = "../examples/bounds.rs"]
+mod bounds;
 #[path = "../examples/custom_constraint.rs"]
 mod custom_constraint;
 #[path = "../examples/kinds.rs"]
@@ -89,6 +91,7 @@ fn run(command: &str, folder: &Path, status: &mut i32) -> String {
             let mut out = Vec::new();
             match *name {
                 "mixed_constraints" => drop(mixed_constraints::run(&mut out).unwrap()),
+                "bounds" => drop(bounds::run(&mut out).unwrap()),
                 "kinds" => drop(kinds::run(&mut out).unwrap()),
                 "custom_constraint" => drop(custom_constraint::run(&mut out).unwrap()),
                 other => panic!("the book runs no example `{other}`"),

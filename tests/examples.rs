@@ -8,6 +8,8 @@
 use approx::assert_abs_diff_eq;
 use truing_robot::calibration::Status;
 
+#[path = "../examples/bounds.rs"]
+mod bounds;
 #[path = "../examples/custom_constraint.rs"]
 mod custom_constraint;
 #[path = "../examples/hello_world.rs"]
@@ -37,6 +39,15 @@ fn hello_world_is_the_same_with_automatic_analytic_and_numeric_derivatives() {
         assert_abs_diff_eq!(analytic[k], automatic[k], epsilon = 1e-9);
         assert_abs_diff_eq!(numeric[k], automatic[k], epsilon = 1e-7);
     }
+}
+
+#[test]
+fn shares_with_limits_add_up_to_one_and_none_is_negative() {
+    let [free, limited] = bounds::run(&mut Vec::new()).unwrap();
+    assert!(free[2] < 0.0, "{free:?}");
+    assert_eq!(limited[2], 0.0);
+    assert_abs_diff_eq!(limited.iter().sum::<f64>(), 1.0, epsilon = 1e-15);
+    assert_abs_diff_eq!(limited[0], 0.7, epsilon = 0.02);
 }
 
 #[test]

@@ -481,11 +481,7 @@ fn a_number_of_iterations_below_one_is_refused() {
 }
 
 #[test]
-fn what_this_version_does_not_have_is_said_with_what_it_has() {
-    refused(&with_estimate("solver = \"dogleg\""))
-        .at("calibration.toml", 5)
-        .says(&["dogleg"])
-        .advises("\"levenberg-marquardt\"");
+fn a_word_that_is_no_choice_is_said_with_the_choices() {
     refused(&with_estimate("jacobian = \"symbolic\""))
         .at("calibration.toml", 5)
         .says(&["symbolic", "`numeric`"]);

@@ -701,6 +701,15 @@ fn an_active_bound_is_kept_and_said() {
 }
 
 #[test]
+fn every_solver_finds_the_same_robot() {
+    let reference = Cell::new().calibrate();
+    for solver in ["gauss-newton", "line-search", "dogleg"] {
+        let found = with_estimate(&format!("solver = {solver:?}")).calibrate();
+        assert!(difference(&found, &reference) < 1e-9, "{solver}");
+    }
+}
+
+#[test]
 fn a_prior_pulls_towards_nominal() {
     let free = Cell::new().calibrate();
     let (name, moved) = most_certain_length(&free);

@@ -247,14 +247,8 @@ pub(crate) fn estimate(
     let method = match spec.solver {
         SolverKind::LevenbergMarquardt => Method::LevenbergMarquardt,
         SolverKind::GaussNewton => Method::GaussNewton,
-        SolverKind::Dogleg => {
-            return Err(file
-                .error_at(
-                    spec.spans.of("solver"),
-                    "the dogleg solver is not part of this version",
-                )
-                .with_help("use \"levenberg-marquardt\" or \"gauss-newton\""));
-        }
+        SolverKind::LineSearch => Method::LineSearch,
+        SolverKind::Dogleg => Method::Dogleg,
     };
     let mut tolerances = Tolerances::default();
     if let Some(limit) = spec.max_iterations {

@@ -59,14 +59,17 @@ pub enum SolverKind {
     LevenbergMarquardt,
     /// Gauss–Newton.
     GaussNewton,
+    /// Gauss–Newton with a line search.
+    LineSearch,
     /// Powell's dogleg.
     Dogleg,
 }
 
 impl SolverKind {
-    const NAMES: [(&str, Self); 3] = [
+    const NAMES: [(&str, Self); 4] = [
         ("levenberg-marquardt", Self::LevenbergMarquardt),
         ("gauss-newton", Self::GaussNewton),
+        ("line-search", Self::LineSearch),
         ("dogleg", Self::Dogleg),
     ];
 
@@ -76,6 +79,7 @@ impl SolverKind {
         match self {
             Self::LevenbergMarquardt => "levenberg-marquardt",
             Self::GaussNewton => "gauss-newton",
+            Self::LineSearch => "line-search",
             Self::Dogleg => "dogleg",
         }
     }

@@ -5,8 +5,8 @@ use crate::error::Error;
 use crate::least_squares::LeastSquares;
 use std::time::{Duration, Instant};
 
-/// What a search from many starts may cost at most. The start under way when it is spent is
-/// finished, within its own limits.
+/// What a search from many starts may cost at most. One start is always tried, and the start under
+/// way when the budget is spent is finished, within its own limits.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Budget {
     /// Most starts; none for as many as there are.
@@ -89,16 +89,17 @@ pub fn multi_start<O: LeastSquares>(
     // Zero costs are compared with what the starts cost.
     let mut size = 0.0_f64;
     for start in starts {
-        if budget.starts.is_some_and(|most| tried >= most) {
+        let first = tried == 0;
+        if !first && budget.starts.is_some_and(|most| tried >= most) {
             break;
         }
         let spent = evaluations.residual + evaluations.jacobian;
-        if budget.evaluations.is_some_and(|most| spent >= most) {
+        if !first && budget.evaluations.is_some_and(|most| spent >= most) {
             end = SearchEnd::Evaluations;
             break;
         }
         let left = budget.time.map(|time| time.saturating_sub(began.elapsed()));
-        if left.is_some_and(|left| left.is_zero()) {
+        if !first && left.is_some_and(|left| left.is_zero()) {
             end = SearchEnd::Time;
             break;
         }

@@ -303,3 +303,55 @@ fn a_step_of_a_quarter_turn_goes_where_geometry_says() {
         assert!((angle - 0.5).abs() < 1e-14, "{n:?} moved by {angle}");
     }
 }
+
+/// The rotation vector from a fixed rotation to the variable: log(fixedᵀ R).
+struct TurnFrom(Matrix3<f64>);
+
+impl truing::Constraint for TurnFrom {
+    type Vars = (Rotation3,);
+    const DIM: usize = 3;
+    fn residual<T: truing::Scalar>(&self, (rotation,): truing::Views<'_, Self, T>, r: &mut [T]) {
+        let from = self.0.transpose().map(T::from);
+        r.copy_from_slice(so3::log_matrix(&(from * rotation)).as_slice());
+    }
+}
+
+/// ∂ log(R₀ᵀ R exp δ)/∂δ is the inverse right Jacobian of SO(3), I + ½\[ω\]ₓ + c \[ω\]ₓ² with
+/// c = 1/θ² − cot(θ/2)/(2θ) (Chirikjian 2011, section 10.8.6): ½ at zero has no place for 0/0, and at
+/// half a turn nothing grows, though the rotation vector jumps to the other side there.
+#[test]
+fn the_rotation_vector_has_the_derivative_of_the_textbook_up_to_half_a_turn() {
+    use truing::{LeastSquares, Linearization, Problem};
+    let axes = [
+        [0.0, 0.0, 1.0],
+        [1.0, 0.0, 0.0],
+        [0.6, -0.8, 0.0],
+        [2.0, -3.0, 6.0],
+    ];
+    for axis in axes.map(|a| Vector3::from(a).normalize()) {
+        for angle in [0.0, 1e-12, 1e-6, 1e-3, 1.0, 3.0, PI - 1e-6, PI - 1e-12, PI] {
+            let fixed = rotation([0.3, -0.2, 0.5]);
+            let mut problem = Problem::new();
+            let turned = fixed * rotation((axis * angle).into());
+            let var = problem.add_variable::<Rotation3>("turned", &turned);
+            problem.add("turn", (var,), TurnFrom(fixed));
+            let mut lin = Linearization::new(problem.structure());
+            problem.linearize(problem.initial(), &mut lin);
+            let omega = Vector3::from_column_slice(&lin.residual);
+            assert!((omega.norm() - angle).abs() < 1e-7, "{omega} at {angle}");
+            let found = Matrix3::from_fn(|i, k| lin.values[3 * k + i]);
+            let theta = omega.norm();
+            let c = if theta < 1e-2 {
+                1.0 / 12.0 + theta * theta / 720.0
+            } else {
+                1.0 / (theta * theta) - 1.0 / (2.0 * theta * (theta / 2.0).tan())
+            };
+            let cross = omega.cross_matrix();
+            let expected = Matrix3::identity() + cross * 0.5 + cross * cross * c;
+            assert!(
+                (found - expected).amax() < 1e-7,
+                "at {angle} about {axis}: {found} is not {expected}"
+            );
+        }
+    }
+}

@@ -14,6 +14,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use truing_robot::file::{CalibrationFile, RobotFile, SimulationFile, StudyFile};
 
+#[path = "../examples/arc.rs"]
+mod arc;
 #[path = "../examples/bounds.rs"]
 mod bounds;
 #[path = "../examples/custom_constraint.rs"]
@@ -22,6 +24,8 @@ mod custom_constraint;
 mod kinds;
 #[path = "../examples/mixed_constraints.rs"]
 mod mixed_constraints;
+#[path = "../examples/tool_uncertainty.rs"]
+mod tool_uncertainty;
 
 fn top() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
@@ -94,6 +98,8 @@ fn run(command: &str, folder: &Path, status: &mut i32) -> String {
                 "bounds" => drop(bounds::run(&mut out).unwrap()),
                 "kinds" => drop(kinds::run(&mut out).unwrap()),
                 "custom_constraint" => drop(custom_constraint::run(&mut out).unwrap()),
+                "arc" => drop(arc::run(&mut out).unwrap()),
+                "tool_uncertainty" => drop(tool_uncertainty::run(&mut out).unwrap()),
                 other => panic!("the book runs no example `{other}`"),
             }
             String::from_utf8(out).unwrap()

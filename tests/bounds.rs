@@ -617,3 +617,54 @@ fn a_bound_that_is_not_in_the_way_changes_no_bit() {
         assert_eq!(solve_with(true), solve_with(false), "{method:?}");
     }
 }
+
+/// The covariance is that of what is left to move: with x₀ at its bound that of the other two alone,
+/// and under an equality C δ = 0 that of the null space of C, N (NᵀAᵀAN)⁻¹ Nᵀ.
+#[test]
+fn the_covariance_is_that_of_the_free_subspace() {
+    let a = DMatrix::from_row_slice(
+        5,
+        3,
+        &[
+            1.0, 0.5, 0.1, 0.2, 2.0, -0.3, 0.0, 1.0, 1.0, -1.0, 0.4, 0.6, 0.7, 0.7, -2.0,
+        ],
+    );
+    let b = DVector::from_row_slice(&[4.0, 1.0, 2.0, -3.0, 0.5]);
+    let infinite = f64::INFINITY;
+    let mut linear = Linear {
+        a: a.clone(),
+        b,
+        lower: vec![-infinite; 3],
+        upper: vec![1.0, infinite, infinite],
+        rows: Vec::new(),
+    };
+    let (problem, x) = linear.problem(&[0.0; 3]);
+    let solution = solved(&problem, Method::LevenbergMarquardt);
+    assert_eq!(solution.values.get(x)[0], 1.0);
+    let covariance = truing::Covariance::at(&problem, &solution.values).unwrap();
+    let rest = a.columns(1, 2).into_owned();
+    let expected = (rest.transpose() * rest).try_inverse().unwrap();
+    assert_eq!(covariance.std_dev(0), 0.0);
+    for (i, k) in [(0, 0), (0, 1), (1, 1)] {
+        assert!((covariance.entry(i + 1, k + 1) - expected[(i, k)]).abs() < 1e-13);
+    }
+    assert_eq!(covariance.degrees_of_freedom(), 3);
+
+    linear.upper[0] = infinite;
+    linear.rows.push((vec![1.0, 1.0, 1.0], 2.0, 2.0));
+    // Not in the way.
+    linear.rows.push((vec![0.0, 1.0, 0.0], -100.0, 100.0));
+    let (problem, _) = linear.problem(&[0.0; 3]);
+    let solution = solved(&problem, Method::LevenbergMarquardt);
+    let covariance = truing::Covariance::at(&problem, &solution.values).unwrap();
+    let basis = DMatrix::from_row_slice(3, 2, &[1.0, 0.0, 0.0, 1.0, -1.0, -1.0]);
+    let image = &a * &basis;
+    let inner = (image.transpose() * image).try_inverse().unwrap();
+    let expected = &basis * inner * basis.transpose();
+    for i in 0..3 {
+        for k in 0..3 {
+            assert!((covariance.entry(i, k) - expected[(i, k)]).abs() < 1e-12);
+        }
+    }
+    assert_eq!(covariance.degrees_of_freedom(), 3);
+}

@@ -107,18 +107,22 @@ fn the_result_has_the_promised_fields() {
         [
             "condition",
             "constraints",
+            "correlations",
             "cost",
             "distances",
             "frames",
             "identifiable",
             "initial_cost",
             "iterations",
+            "outliers",
             "parameters",
             "planes",
             "points",
             "sigma0",
+            "statistics",
             "targets",
             "termination",
+            "tools",
             "trusted",
             "validation",
             "warnings",
@@ -448,7 +452,13 @@ fn a_folder_is_made_filled_when_empty_and_overwritten_only_by_force() {
     names.sort();
     assert_eq!(
         names,
-        ["notes.txt", "report.html", "result.json", "robot.toml"]
+        [
+            "notes.txt",
+            "report.html",
+            "residuals.csv",
+            "result.json",
+            "robot.toml"
+        ]
     );
 }
 
@@ -839,6 +849,84 @@ fn two_robots_are_written_to_two_files() {
     for name in ["robot-left.toml", "robot-right.toml"] {
         assert!(RobotFile::read(cell.path("out").join(name)).is_ok());
     }
+}
+
+/// The statistics of result.json and residuals.csv are those of the residuals, as they can be computed
+/// again from the files.
+#[test]
+fn what_is_said_of_the_residuals_follows_from_the_files() {
+    let cell = with_key("name = \"laser, \\\"long\\\"\"\nholdout = { every = 10, rows = [0] }\n");
+    let run = cell.run(&SAVE);
+    assert_eq!(run.status, 0, "{}", run.stderr);
+    let result: Value = serde_json::from_str(&cell.read("out/result.json")).unwrap();
+    let text = cell.read("out/residuals.csv");
+    let mut lines = text.lines();
+    assert_eq!(
+        lines.next().unwrap(),
+        "constraint,row,file,line,values,error,standardised,p_value,leverage,cook,tool_sigma"
+    );
+    let rows: Vec<Vec<&str>> = lines
+        .map(|line| {
+            let cells = line.strip_prefix("\"laser, \"\"long\"\"\",").unwrap();
+            cells.split(',').collect()
+        })
+        .collect();
+    assert_eq!(rows.len(), 36, "those held out are not in it");
+    // Readings 0, 10, … are held out; the first is on line 2.
+    assert_eq!(rows[0][..4], ["1", "tracker.csv", "3", "3"]);
+    assert_eq!(rows[9][..4], ["10", "tracker.csv", "13", "3"]);
+    let column = |k: usize| -> Vec<f64> {
+        let cells = rows.iter().map(|row| row[k].parse().unwrap());
+        cells.collect()
+    };
+    let statistics = &result["statistics"];
+    let errors: Vec<f64> = column(4);
+    let square: f64 = errors.iter().map(|e| (e / 5e-5).powi(2)).sum();
+    assert!((square / number(&statistics["chi_square"]) - 1.0).abs() < 1e-9);
+    let freedom = number(&statistics["degrees_of_freedom"]);
+    let unknowns = estimates(&result).len() as f64;
+    assert!((freedom - (3.0 * 36.0 - unknowns)).abs() < 1e-9);
+    assert!((column(7).iter().sum::<f64>() - unknowns).abs() < 1e-8);
+    let sigma0 = (square / freedom).sqrt();
+    assert!((number(&statistics["sigma0"]) / sigma0 - 1.0).abs() < 1e-9);
+    assert_eq!(number(&statistics["level"]), 0.05);
+    let [large, small, p] =
+        ["p_too_large", "p_too_small", "p_value"].map(|key| number(&statistics[key]));
+    assert!((large + small - 1.0).abs() < 1e-9 && (p - 2.0 * large.min(small)).abs() < 1e-12);
+    let tool = &result["tools"][0];
+    let sigmas = column(9);
+    let worst = sigmas.iter().copied().fold(0.0, f64::max);
+    assert!((number(&tool["worst"]) / worst - 1.0).abs() < 1e-9);
+    let row = number(&tool["row"]) as usize - 1;
+    assert!((sigmas[row] / worst - 1.0).abs() < 1e-9);
+    assert_eq!(tool["line"].to_string(), rows[row][2]);
+    assert!(
+        run.stdout
+            .contains(&format!("at line {} of tracker.csv", rows[row][2]))
+    );
+    assert!(run.stdout.contains("degrees of freedom, p = "));
+}
+
+/// A reading that is two millimetres off is named, in the text, the files and the report.
+#[test]
+fn a_wrong_reading_is_named() {
+    let cell = Cell::new();
+    let mut readings = cell.readings(40);
+    readings[6].position[1] += 0.002;
+    cell.write("tracker.csv", positions(&readings));
+    let run = cell.run(&SAVE);
+    let result: Value = serde_json::from_str(&cell.read("out/result.json")).unwrap();
+    let outliers = result["outliers"].as_array().unwrap();
+    assert_eq!(outliers.len(), 1);
+    assert_eq!(
+        (&outliers[0]["row"], &outliers[0]["line"]),
+        (&json!(7), &json!(8))
+    );
+    assert_eq!(result["statistics"]["verdict"], "too-large");
+    let text = "1 measurement is farther off than chance explains: line 8 of tracker.csv";
+    assert!(run.stdout.contains(text), "{}", run.stdout);
+    let page = cell.read("out/report.html");
+    assert!(page.contains(text) && page.contains("How sure it is"));
 }
 
 /// The report is one file that loads nothing and runs nothing, has a plot for every set and for the

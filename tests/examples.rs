@@ -8,6 +8,8 @@
 use approx::assert_abs_diff_eq;
 use truing_robot::calibration::Status;
 
+#[path = "../examples/arc.rs"]
+mod arc;
 #[path = "../examples/bounds.rs"]
 mod bounds;
 #[path = "../examples/custom_constraint.rs"]
@@ -26,6 +28,8 @@ mod lbfgs;
 mod mixed_constraints;
 #[path = "../examples/observers.rs"]
 mod observers;
+#[path = "../examples/tool_uncertainty.rs"]
+mod tool_uncertainty;
 
 #[test]
 fn hello_world_is_the_same_with_automatic_analytic_and_numeric_derivatives() {
@@ -124,4 +128,44 @@ fn an_observer_sees_the_solver_reach_the_minimum() {
     assert_abs_diff_eq!(point[1], 1.0, epsilon = 1e-9);
     let text = String::from_utf8(text).unwrap();
     assert!(text.lines().count() > 5 && text.contains("damping"));
+}
+
+/// The closed form of a circle's covariance: with the rim at angles t, J has rows (−cos t, −sin t, −1).
+#[test]
+fn an_arc_is_as_sure_as_the_geometry_makes_it() {
+    let arc = arc::run(&mut Vec::new()).unwrap();
+    let row = |degrees: f64| {
+        let t = degrees.to_radians();
+        truing::nalgebra::Vector3::new(t.cos(), t.sin(), 1.0)
+    };
+    let rows: Vec<_> = (0..13).map(|k| row(5.0 * f64::from(k))).collect();
+    let normal: truing::nalgebra::Matrix3<f64> = rows.iter().map(|j| j * j.transpose()).sum();
+    let sigma = normal.try_inverse().unwrap() * 1e-4;
+    let radius = sigma[(2, 2)].sqrt();
+    let (found, deviation) = arc.radius;
+    // The readings are off by 0.01 mm of 500: angles differ by 2e-5.
+    assert!((deviation / radius - 1.0).abs() < 1e-3 && (found - 500.0).abs() < 3.0 * radius);
+    let rho = sigma[(0, 2)] / (sigma[(0, 0)] * sigma[(2, 2)]).sqrt();
+    assert_abs_diff_eq!(arc.correlation, rho, epsilon = 1e-4);
+    for (rim, degrees) in arc.rim.iter().zip([30.0, 180.0]) {
+        let g = row(degrees);
+        let expected = (g.dot(&(sigma * g))).sqrt();
+        assert!((rim.std_devs()[0] / expected - 1.0).abs() < 2e-3);
+        assert!((rim.value[0] - 500.0).abs() < 3.0 * expected);
+    }
+    for (h, j) in arc.leverage.iter().zip(&rows) {
+        assert_abs_diff_eq!(*h, 1e4 * j.dot(&(sigma * j)), epsilon = 1e-3);
+    }
+    assert_eq!(arc.misread.0, 11);
+    assert!(arc.misread.1 < 0.05 / 13.0);
+}
+
+#[test]
+fn the_tool_of_the_example_is_known_better_where_it_was_measured() {
+    let poses = tool_uncertainty::run(&mut Vec::new()).unwrap();
+    assert_eq!(poses.len(), 4);
+    for pose in &poses {
+        // Simulated with 0.05 mm along each axis.
+        assert!(pose.position_sigma() > 1e-5 && pose.position_sigma() < 2e-4);
+    }
 }

@@ -42,7 +42,8 @@ pub struct Calibrate {
     /// Calibration file (TOML): robots, what to estimate, constraints and their data.
     pub file: PathBuf,
 
-    /// Folder for result.json, the calibrated robot.toml and report.html; made if it is not there.
+    /// Folder for result.json, the calibrated robot.toml, residuals.csv and report.html; made if it is not
+    /// there.
     #[arg(short, long, value_name = "DIR")]
     pub output: Option<PathBuf>,
 

@@ -94,6 +94,7 @@ fn files(outcome: &Outcome, source: &std::path::Path, result: &str) -> Result<Fi
             PathBuf::from("report.html"),
             report::html(outcome, &made_from)?,
         ),
+        (PathBuf::from("residuals.csv"), residuals(outcome)),
     ];
     for (name, robot) in &outcome.robots {
         let path = if name.is_empty() {
@@ -111,4 +112,39 @@ fn files(outcome: &Outcome, source: &std::path::Path, result: &str) -> Result<Fi
         files.push((PathBuf::from(path), robot.to_toml(&header)));
     }
     Ok(files)
+}
+
+/// Every measurement that was used, a row each, in metres.
+fn residuals(outcome: &Outcome) -> String {
+    let mut out = String::from(
+        "constraint,row,file,line,values,error,standardised,p_value,leverage,cook,tool_sigma\n",
+    );
+    let number = |x: Option<f64>| x.map_or_else(String::new, |x| format!("{x:e}"));
+    for m in &outcome.measurements {
+        let cells = [
+            quoted(&m.constraint),
+            m.row.to_string(),
+            m.file.as_deref().map_or_else(String::new, quoted),
+            m.line.map_or_else(String::new, |line| line.to_string()),
+            m.values.to_string(),
+            number(Some(m.error)),
+            number(m.standardised),
+            number(m.p_value),
+            number(m.leverage),
+            number(m.cook),
+            number(m.tool_sigma),
+        ];
+        out += &cells.join(",");
+        out.push('\n');
+    }
+    out
+}
+
+/// A cell of a CSV file.
+fn quoted(text: &str) -> String {
+    if text.contains([',', '"', '\n', '\r']) {
+        format!("\"{}\"", text.replace('"', "\"\""))
+    } else {
+        text.to_owned()
+    }
 }

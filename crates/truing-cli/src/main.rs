@@ -11,6 +11,7 @@ mod output;
 mod report;
 mod show;
 mod show_identify;
+mod show_statistics;
 mod simulate;
 mod study;
 

@@ -2,10 +2,13 @@
 
 use crate::failure::Failure;
 use crate::show::{number, people, taken_over};
+use crate::show_statistics::{place, probability, sentences};
 use minijinja::{Environment, context};
 use plotters::prelude::*;
 use std::collections::BTreeSet;
-use truing_robot::calibration::{CalibrationResult, ErrorSeries, ErrorSummary, Outcome, Status};
+use truing_robot::calibration::{
+    CalibrationResult, Correlated, ErrorSeries, ErrorSummary, Outcome, Outlier, Status,
+};
 
 const TEMPLATE: &str = include_str!("report.html");
 
@@ -93,6 +96,9 @@ pub fn html(outcome: &Outcome, source: &str) -> Result<String, Failure> {
         sigma0 => result.sigma0.map_or_else(|| "–".into(), number),
         sets, plots, parameters,
         places => places(result),
+        sentences => sentences(result),
+        outliers => outliers(result),
+        correlations => correlations(result),
         version => env!("CARGO_PKG_VERSION"),
         source,
     };
@@ -104,6 +110,29 @@ pub fn html(outcome: &Outcome, source: &str) -> Result<String, Failure> {
         .get_template("report.html")
         .map_err(|e| failed(&e.to_string()))?;
     template.render(page).map_err(|e| failed(&e.to_string()))
+}
+
+/// So many outliers and correlations have a line; the files have them all.
+const LISTED: usize = 20;
+
+fn outliers(result: &CalibrationResult) -> Vec<minijinja::Value> {
+    let line = |o: &Outlier| {
+        context! {
+            constraint => o.constraint,
+            place => place(&o.constraint, o.file.as_deref(), o.line, o.row),
+            error => number(o.error * 1e3),
+            standardised => format!("{:.1}", o.standardised),
+            p => probability(o.p_value),
+        }
+    };
+    result.outliers.iter().take(LISTED).map(line).collect()
+}
+
+fn correlations(result: &CalibrationResult) -> Vec<minijinja::Value> {
+    let line = |c: &Correlated| {
+        context! { a => c.a, b => c.b, coefficient => format!("{:+.3}", c.coefficient) }
+    };
+    result.correlations.iter().take(LISTED).map(line).collect()
 }
 
 fn places(result: &CalibrationResult) -> Vec<minijinja::Value> {

@@ -1,5 +1,6 @@
 //! Results as people read them.
 
+use crate::show_statistics;
 use comfy_table::{CellAlignment, ContentArrangement, Table, presets};
 use std::collections::BTreeSet;
 use std::fmt::Write;
@@ -278,6 +279,7 @@ pub fn result(result: &CalibrationResult) -> String {
             .map_or_else(|| "–".into(), |c| format!("{c:.3e}")),
         result.sigma0.map_or_else(|| "–".into(), number),
     );
+    out.push_str(&show_statistics::lines(result));
     let _ = writeln!(
         out,
         "{}\n{}, cost {:.6e} → {:.6e}",

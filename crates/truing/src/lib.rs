@@ -5,7 +5,6 @@ pub mod autodiff;
 mod block;
 pub mod check;
 mod constraint;
-mod covariance;
 mod error;
 pub mod identifiability;
 mod least_squares;
@@ -18,12 +17,12 @@ mod problem;
 mod scalar;
 mod solution;
 pub mod solver;
+pub mod statistics;
 pub mod step;
 mod variable;
 
 pub use block::{Batch, ConstraintBlock, PanelWriter};
 pub use constraint::{Constraint, Jacobian, Point, Views};
-pub use covariance::Covariance;
 pub use error::Error;
 pub use least_squares::{
     LeastSquares, LinearBound, Linearization, StepBounds, Structure, check_finite,
@@ -36,6 +35,7 @@ pub use problem::Problem;
 pub use scalar::{Dual, Scalar, value};
 pub use solution::{BlockReport, Solution};
 pub use solver::{ActiveLimit, Method, Settings, Termination, Tolerances, solve, solve_from};
+pub use statistics::Covariance;
 pub use variable::{MAX_VARS, Slot, Values, Var, Variable, Vars};
 
 pub use {argmin, nalgebra, num_dual};

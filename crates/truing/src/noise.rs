@@ -73,6 +73,31 @@ impl Noise {
         }
     }
 
+    /// The covariance of a measurement of `rows` rows (rows × rows).
+    ///
+    /// # Panics
+    /// If the model is made for another number of rows.
+    #[track_caller]
+    pub fn covariance(&self, rows: usize) -> DMatrix<f64> {
+        assert!(
+            self.dim().is_none_or(|dim| dim == rows),
+            "noise for {:?} rows, asked for {rows}",
+            self.dim()
+        );
+        let one = DMatrix::identity(rows, rows);
+        match self {
+            Self::Unit => one,
+            Self::Isotropic(sigma) => one * (sigma * sigma),
+            Self::Diagonal(sigmas) => {
+                DMatrix::from_fn(rows, rows, |i, k| one[(i, k)] * sigmas[i] * sigmas[i])
+            }
+            Self::Full(inverse) => match inverse.solve_lower_triangular(&one) {
+                Some(factor) => &factor * factor.transpose(),
+                None => DMatrix::from_element(rows, rows, f64::INFINITY),
+            },
+        }
+    }
+
     /// Whitens a column of `rows` numbers in place.
     pub fn whiten(&self, column: &mut [f64]) {
         match self {
@@ -122,12 +147,13 @@ mod tests {
         let mut white = r;
         noise.whiten(&mut white);
         let v = DMatrix::from_column_slice(3, 1, &r);
-        let mahalanobis = (v.transpose() * covariance.try_inverse().unwrap() * &v)[0];
+        let mahalanobis = (v.transpose() * covariance.clone().try_inverse().unwrap() * &v)[0];
         assert_relative_eq!(
             white.iter().map(|w| w * w).sum::<f64>(),
             mahalanobis,
             epsilon = 1e-14
         );
+        assert_relative_eq!(noise.covariance(3), covariance, epsilon = 1e-14);
     }
 
     #[test]

@@ -23,8 +23,10 @@ mod small_groups;
 mod solve;
 mod start;
 mod state;
+mod statistics;
 mod symmetry;
 mod tempered;
+mod tool;
 mod uncertainty;
 
 pub use assembly::{Assembly, PlaneVar};
@@ -42,11 +44,14 @@ pub use measurement::{Arm, Groups, Measured, MeasurementSet, Sigma};
 pub(crate) use names::{Names, in_unit_of};
 pub use question::{Asked, RobotQuestion};
 pub use result::{
-    CalibrationResult, ErrorSeries, ErrorSummary, FrameEstimate, LocationEstimate, ParameterResult,
-    PlaneEstimate, PointEstimate, SetResult, Status, TargetEstimate, TerminationReport,
+    CalibrationResult, Correlated, ErrorSeries, ErrorSummary, FrameEstimate, GlobalTest,
+    LocationEstimate, MeasurementStatistics, Outlier, ParameterResult, PlaneEstimate,
+    PointEstimate, SetResult, Status, TargetEstimate, TerminationReport, ToolUncertainty,
 };
 pub use run::{Calibration, Estimate, Outcome, Stage};
 pub use select::{Choice, default_preference, in_order, select};
 pub use start::{best_fit_plane, rigid_registration, start};
 pub use state::{Column, Owner, State};
 pub use symmetry::{Motion, Symmetry, direction};
+pub use tool::ToolPose;
+pub use uncertainty::Uncertainty;

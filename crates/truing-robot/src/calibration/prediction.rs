@@ -48,11 +48,7 @@ impl Calibration {
         uncertainty: &Uncertainty,
     ) -> Vec<Prediction> {
         let scaled = choices.iter().any(|c| matches!(c, Choice::Anchor(_)));
-        let sigma0 = if uncertainty.sigma0.is_finite() {
-            uncertainty.sigma0
-        } else {
-            1.0
-        };
+        let sigma0 = uncertainty.factor();
         let mut predictions = Vec::new();
         for robot in 0..self.arms.len() {
             let own = |c: &usize| match &assembly.columns[*c].owner {

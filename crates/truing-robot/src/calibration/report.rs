@@ -10,6 +10,7 @@ use super::result::{
 use super::run::Calibration;
 use super::select::Choice;
 use super::state::{Owner, State};
+use super::statistics::Statistics;
 use super::uncertainty::Uncertainty;
 use crate::error::Error;
 use truing::step::ActiveAt;
@@ -21,6 +22,7 @@ pub(super) struct Report<'a> {
     pub assembly: &'a Assembly,
     pub choices: &'a [Choice],
     pub uncertainty: Option<&'a Uncertainty>,
+    pub statistics: Option<&'a Statistics>,
 }
 
 impl Report<'_> {
@@ -202,6 +204,16 @@ impl Report<'_> {
             distances,
             identifiable,
             condition: self.uncertainty.map(|u| u.covariance.condition()),
+            statistics: self.statistics.map(|s| s.test.clone()),
+            correlations: self
+                .statistics
+                .map(|s| s.correlations.clone())
+                .unwrap_or_default(),
+            outliers: self
+                .statistics
+                .map(|s| s.outliers.clone())
+                .unwrap_or_default(),
+            tools: self.statistics.map(|s| s.tools.clone()).unwrap_or_default(),
         })
     }
 }

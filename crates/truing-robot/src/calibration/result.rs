@@ -239,6 +239,120 @@ pub struct TerminationReport {
     pub message: String,
 }
 
+/// Whether the residuals are as large as the stated noise makes them.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct GlobalTest {
+    /// a-posteriori standard deviation of unit weight.
+    pub sigma0: Option<f64>,
+    /// Rows of measurements less the unknowns, of which priors take a share.
+    pub degrees_of_freedom: f64,
+    /// Sum of the squared residuals of the measurements in units of their standard deviations; none
+    /// without redundancy and under robust losses.
+    pub chi_square: Option<f64>,
+    /// Two-sided: the probability of a sum at least as unusual, if model and noise are right.
+    pub p_value: Option<f64>,
+    /// Probability of a sum at least as large.
+    pub p_too_large: Option<f64>,
+    /// Probability of a sum at most as large.
+    pub p_too_small: Option<f64>,
+    /// Level of the verdict: so often a right model is blamed.
+    pub level: f64,
+    /// `as-expected`, `too-large` or `too-small`.
+    pub verdict: Option<&'static str>,
+    /// What to keep in mind.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub caveats: Vec<String>,
+}
+
+/// Two estimated unknowns that go up and down together.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Correlated {
+    /// The one.
+    pub a: String,
+    /// The other.
+    pub b: String,
+    /// Correlation, from −1 to 1.
+    pub coefficient: f64,
+}
+
+/// A measurement that is farther off than chance explains in so many.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Outlier {
+    /// Its set.
+    pub constraint: String,
+    /// Its file.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub file: Option<String>,
+    /// Its line in the file.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub line: Option<usize>,
+    /// Its number in the set, from 1.
+    pub row: usize,
+    /// Its error \[m\].
+    pub error: f64,
+    /// Its residual in standard deviations of that residual, RMS over its values.
+    pub standardised: f64,
+    /// Probability of one so far off, of a single measurement.
+    pub p_value: f64,
+}
+
+/// How well the tool of a robot is known where it was measured: standard deviations of the length of its
+/// position's error, as seen by what measured (in its sensor's frame, or in the reference frame).
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ToolUncertainty {
+    /// The robot; empty if there is only one.
+    pub robot: String,
+    /// How many measurements.
+    pub count: usize,
+    /// Root mean square over them \[m\].
+    pub rms: f64,
+    /// The largest \[m\].
+    pub worst: f64,
+    /// Whether that is with parameters held that move the tool and that nothing measured, at what the
+    /// file has: where the base stands, if what was touched or visited moves along with it; the scale.
+    pub given_held: bool,
+    /// Its set.
+    pub constraint: String,
+    /// Its file.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub file: Option<String>,
+    /// Its line in the file.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub line: Option<usize>,
+    /// Its number in the set, from 1.
+    pub row: usize,
+}
+
+/// What is said of one measurement that was used.
+#[derive(Debug, Clone, PartialEq)]
+pub struct MeasurementStatistics {
+    /// Its set.
+    pub constraint: String,
+    /// Its file.
+    pub file: Option<String>,
+    /// Its line in the file.
+    pub line: Option<usize>,
+    /// Its number in the set, from 1.
+    pub row: usize,
+    /// The robot that measured.
+    pub robot: usize,
+    /// How many numbers it is.
+    pub values: usize,
+    /// Its error with the calibrated robot \[m\]: a length, or a signed distance.
+    pub error: f64,
+    /// Its residual in standard deviations of that residual, RMS over its values: 1 on average. None of
+    /// equations that are about several measurements, and if nothing checks it.
+    pub standardised: Option<f64>,
+    /// Probability of one so far off, of a single measurement.
+    pub p_value: Option<f64>,
+    /// How many unknowns it decides, from 0 to `values`: how much the fit would miss it.
+    pub leverage: Option<f64>,
+    /// Cook's distance: how far the estimate would move without it, squared, in its own uncertainty.
+    pub cook: Option<f64>,
+    /// Standard deviation of the tool's position there \[m\], as [`ToolUncertainty`].
+    pub tool_sigma: Option<f64>,
+}
+
 /// Everything a calibration found out.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct CalibrationResult {
@@ -279,4 +393,14 @@ pub struct CalibrationResult {
     pub identifiable: usize,
     /// Condition number of the Jacobian over everything estimated, columns scaled to unit length.
     pub condition: Option<f64>,
+    /// Whether the residuals are as large as the stated noise makes them; none where unknowns cannot be
+    /// told apart.
+    pub statistics: Option<GlobalTest>,
+    /// Pairs of unknowns with a correlation beyond ±0.9, the strongest first.
+    pub correlations: Vec<Correlated>,
+    /// Measurements that are farther off than chance explains at the 5 % level, over all of them
+    /// together; the worst first.
+    pub outliers: Vec<Outlier>,
+    /// How well the tools are known.
+    pub tools: Vec<ToolUncertainty>,
 }

@@ -6,11 +6,12 @@ use super::estimated::Registration;
 use super::far::Strategy;
 use super::measurement::{Arm, MeasurementSet};
 use super::report::Report;
-use super::result::{CalibrationResult, ErrorSeries, SetResult};
+use super::result::{CalibrationResult, ErrorSeries, MeasurementStatistics, SetResult};
 use super::select::{Choice, default_preference, in_order, select};
 use super::solve::FAR;
 use super::start::start;
 use super::state::{Owner, State};
+use super::uncertainty::Uncertainty;
 use crate::constraint::Derivatives;
 use crate::error::Error;
 use crate::file::RobotFile;
@@ -91,6 +92,11 @@ pub struct Outcome {
     pub robots: Vec<(String, RobotFile)>,
     /// Errors of every measurement, set after set, then of the rows held out.
     pub errors: Vec<ErrorSeries>,
+    /// What is said of every measurement that was used, set after set.
+    pub measurements: Vec<MeasurementStatistics>,
+    /// How sure the estimate is, and what can be predicted from it; none where unknowns cannot be told
+    /// apart.
+    pub uncertainty: Option<Uncertainty>,
     /// The estimated state.
     pub state: State,
     /// The solution of the least-squares problem.
@@ -286,8 +292,8 @@ impl Calibration {
         for set in &self.validate {
             validation.push(self.validate_set(set, &fitted)?);
         }
-        let uncertainty = match self.uncertainty(&fitted.estimated, &choices) {
-            Ok(uncertainty) => Some(uncertainty),
+        let judged = match self.uncertainty(&fitted.estimated, &choices) {
+            Ok(judged) => Some(judged),
             Err(error) => {
                 warnings.push(format!(
                     "{DISTRUST}at this solution some unknowns cannot be told apart, so there are no standard deviations \
@@ -297,6 +303,10 @@ impl Calibration {
             }
         };
         self.warn(&fitted, &constraints, &validation, &mut warnings);
+        let statistics = judged
+            .as_ref()
+            .map(|judged| self.statistics(judged, &choices, &errors));
+        let uncertainty = judged.map(|judged| judged.uncertainty);
         if let Some(uncertainty) = &uncertainty {
             let predictions = self.predictions(&fitted, &assembly, &choices, uncertainty);
             self.doubt_predictions(&predictions, &mut warnings);
@@ -360,6 +370,7 @@ impl Calibration {
             assembly: &assembly,
             choices: &choices,
             uncertainty: uncertainty.as_ref(),
+            statistics: statistics.as_ref(),
         };
         let result = report.make(
             &fitted.estimated,
@@ -378,6 +389,8 @@ impl Calibration {
             result,
             robots,
             errors,
+            measurements: statistics.map(|s| s.measurements).unwrap_or_default(),
+            uncertainty,
             state: fitted.estimated,
             solution,
         })

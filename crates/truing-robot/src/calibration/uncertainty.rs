@@ -6,20 +6,54 @@ use super::run::Calibration;
 use super::select::Choice;
 use super::state::{Owner, State};
 use crate::error::Error;
-use truing::{Covariance, LeastSquares};
+use crate::kinematics::Robot;
+use std::collections::BTreeMap;
+use truing::statistics::{Influence, Residuals, Scale, huber_sigma0};
+use truing::{Covariance, LeastSquares, Loss};
 
-/// Standard deviations at a solution.
-pub(super) struct Uncertainty {
+/// How sure everything is that a calibration estimated: standard deviations, covariances, and
+/// [`tool_pose`](Self::tool_pose).
+#[derive(Debug, Clone)]
+pub struct Uncertainty {
     /// Covariance of the estimated columns that are not at a bound, in units of σ₀².
     pub covariance: Covariance,
-    /// A-posteriori standard deviation of unit weight, of the measurements alone.
+    /// A-posteriori standard deviation of unit weight, of the measurements alone; NaN without
+    /// redundancy.
     pub sigma0: f64,
+    /// Rows of measurements less the unknowns, of which priors take the shares that they determine.
+    pub degrees_of_freedom: f64,
+    /// The robots as estimated, with their parameters and the first column of each.
+    pub(super) robots: Vec<(Robot, Vec<f64>, usize)>,
+    /// First columns of sensor frames and tool points.
+    pub(super) frames: BTreeMap<String, usize>,
+    pub(super) targets: BTreeMap<(usize, String), usize>,
+    pub(super) state: State,
+}
+
+/// The uncertainty, with what else is to be said of the measurements that it is from.
+pub(super) struct Judged {
+    pub uncertainty: Uncertainty,
+    /// The problem that was judged: no losses, only what is free in it.
+    pub assembly: Assembly,
+    /// Residuals of the measurements, set after set, then of priors.
+    pub residuals: Residuals,
+    /// ‖r‖² of the measurements, whitened.
+    pub squares: f64,
 }
 
 impl Uncertainty {
-    /// Standard deviation of a column; zero if it is not estimated.
+    /// Standard deviation of a column of the assembly; zero if it is not estimated.
     pub fn std_dev(&self, column: usize) -> f64 {
         self.covariance.std_dev(column) * self.sigma0
+    }
+
+    /// σ₀, or 1 where nothing is left to estimate it from: the noise is then believed.
+    pub fn factor(&self) -> f64 {
+        if self.sigma0.is_finite() {
+            self.sigma0
+        } else {
+            1.0
+        }
     }
 }
 
@@ -28,18 +62,13 @@ impl Calibration {
     ///
     /// Measurements are known up to a factor: their covariance is scaled by σ₀². Priors are not, so
     /// (JₘᵀJₘ/σ₀² + JₚᵀJₚ)⁻¹ = σ₀² (JₘᵀJₘ + σ₀² JₚᵀJₚ)⁻¹. Degrees of freedom are the rows less the
-    /// unknowns, of which a prior takes the share that it determines. Under a robust loss with
-    /// influence ψ, σ₀² = K² · Σψ² / f / (mean ψ′)² with J unweighted and
-    /// K = 1 + (unknowns / rows) · var ψ′ / (mean ψ′)² (Huber 1981, section 7.6).
-    /// Parameters at a bound do not move.
-    pub(super) fn uncertainty(
-        &self,
-        state: &State,
-        choices: &[Choice],
-    ) -> Result<Uncertainty, Error> {
+    /// unknowns, of which a prior takes the share that it determines. Under a robust loss σ₀ is
+    /// [Huber's factor](huber_sigma0), with J unweighted; residuals are then compared with their
+    /// median, which outliers do not move. Parameters at a bound do not move.
+    pub(super) fn uncertainty(&self, state: &State, choices: &[Choice]) -> Result<Judged, Error> {
         let plain: Vec<MeasurementSet> = self.sets.iter().map(MeasurementSet::unweighted).collect();
-        let (assembly, shares) = self.assembled(&plain, state, choices, 1.0)?;
-        let covariance = Covariance::at(&assembly.problem, assembly.problem.initial())?;
+        let (mut assembly, shares) = self.assembled(&plain, state, choices, 1.0)?;
+        let mut covariance = Covariance::at(&assembly.problem, assembly.problem.initial())?;
         let by_priors: f64 = shares
             .iter()
             .map(|(column, sigma)| (covariance.std_dev(*column) / sigma).powi(2))
@@ -47,44 +76,66 @@ impl Calibration {
         let unknowns = assembly.problem.free().len() as f64 - by_priors;
 
         let mut r = vec![0.0; assembly.problem.rows()];
-        assembly
-            .problem
-            .residual(assembly.problem.initial(), &mut r);
-        let (mut influence, mut rows) = (0.0, 0.0);
-        let (mut slope, mut slope_square) = (0.0, 0.0);
-        let blocks = assembly.problem.blocks().map(|block| block.dim());
-        for (k, (set, dim)) in self.sets.iter().zip(blocks).enumerate() {
-            for r in r[assembly.problem.block_rows(k)].chunks_exact(dim) {
-                let square: f64 = r.iter().map(|r| r * r).sum();
-                let weight = set.loss.evaluate(square).1;
-                influence += weight * weight * square;
-                let dim = dim as f64;
-                // Beyond the threshold ψ only turns: ψ′ is the weight across r, zero along it.
-                let own = if weight < 1.0 {
-                    weight * (dim - 1.0) / dim
-                } else {
-                    1.0
-                };
-                slope += own * dim;
-                slope_square += own * own * dim;
-                rows += dim;
-            }
+        let problem = &assembly.problem;
+        problem.residual(problem.initial(), &mut r);
+        let mut influences = Vec::new();
+        for (k, (set, block)) in self.sets.iter().zip(problem.blocks()).enumerate() {
+            let measurements = r[problem.block_rows(k)].chunks_exact(block.dim());
+            influences.extend(measurements.map(|r| Influence::of(&set.loss, r)));
         }
-        let freedom = rows - unknowns;
-        let mean = slope / rows;
-        let spread = (slope_square / rows / (mean * mean) - 1.0).max(0.0);
-        let correction = 1.0 + unknowns / rows * spread;
-        let sigma0 = if freedom > 1e-9 {
-            (influence / freedom).sqrt() / mean * correction
+        let rows: usize = influences.iter().map(|influence| influence.rows).sum();
+        let measured = &r[..rows];
+        let squares = measured.iter().map(|r| r * r).sum();
+        let degrees_of_freedom = rows as f64 - unknowns;
+        let sigma0 = huber_sigma0(influences, unknowns);
+        let scale = if self.is_robust() {
+            Scale::robust(measured)
         } else {
-            f64::NAN
+            Scale::Estimated {
+                sigma0,
+                degrees_of_freedom,
+            }
         };
-        if shares.is_empty() || !sigma0.is_finite() || sigma0 == 0.0 {
-            return Ok(Uncertainty { covariance, sigma0 });
+        if !shares.is_empty() && sigma0.is_finite() && sigma0 != 0.0 {
+            (assembly, _) = self.assembled(&plain, state, choices, 1.0 / sigma0)?;
+            covariance = Covariance::at(&assembly.problem, assembly.problem.initial())?;
         }
-        let (assembly, _) = self.assembled(&plain, state, choices, 1.0 / sigma0)?;
-        let covariance = Covariance::at(&assembly.problem, assembly.problem.initial())?;
-        Ok(Uncertainty { covariance, sigma0 })
+        let problem = &assembly.problem;
+        let residuals = Residuals::with_scale(problem, problem.initial(), &covariance, scale);
+        let robots = self.arms.iter().zip(&state.robots).enumerate();
+        let frames = state.frames.keys().filter_map(|name| {
+            let var = assembly.frame(name)?;
+            Some((name.clone(), var.column()))
+        });
+        let targets = state.targets.keys().filter_map(|(robot, name)| {
+            let var = assembly.target(*robot, name)?;
+            Some(((*robot, name.clone()), var.column()))
+        });
+        let uncertainty = Uncertainty {
+            covariance,
+            sigma0,
+            degrees_of_freedom,
+            robots: robots
+                .map(|(r, (arm, values))| {
+                    let first = assembly.robot(r).column();
+                    (arm.robot.clone(), values.clone(), first)
+                })
+                .collect(),
+            frames: frames.collect(),
+            targets: targets.collect(),
+            state: state.clone(),
+        };
+        Ok(Judged {
+            uncertainty,
+            assembly,
+            residuals,
+            squares,
+        })
+    }
+
+    /// Whether a set has a robust loss.
+    pub(super) fn is_robust(&self) -> bool {
+        self.sets.iter().any(|set| set.loss != Loss::Trivial)
     }
 
     /// The problem at a state with the estimated columns free that are not at a bound, and priors

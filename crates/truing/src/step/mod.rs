@@ -10,6 +10,7 @@ mod qr;
 
 pub use bounded::Bounded;
 pub use kkt::{ActiveAt, Kkt, Multiplier, Side, kkt};
+pub(crate) use qr::null_space;
 pub use qr::{Qr, triangle};
 
 use crate::least_squares::Linearization;

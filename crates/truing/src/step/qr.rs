@@ -96,7 +96,7 @@ fn back_substitute(triangle: &Mat<f64>, n: usize) -> Result<Vec<f64>, (usize, f6
 }
 
 /// What is left to choose where rows C y = d must hold: y = y₀ + N w, with N orthonormal.
-pub(super) struct NullSpace {
+pub(crate) struct NullSpace {
     /// The shortest y with C y = d.
     pub point: Vec<f64>,
     /// N (components × dimensions left).
@@ -127,7 +127,7 @@ impl NullSpace {
 const DEPENDENT_ROW: f64 = 1e-11;
 
 /// The null space of `rows` (m × n), by QR with pivoting; dependent rows are left out.
-pub(super) fn null_space(rows: &Mat<f64>, right: &[f64]) -> NullSpace {
+pub(crate) fn null_space(rows: &Mat<f64>, right: &[f64]) -> NullSpace {
     let (m, n) = (rows.nrows(), rows.ncols());
     let transposed = rows.transpose().to_owned();
     let qr = transposed.col_piv_qr();

@@ -819,6 +819,38 @@ fn a_robust_loss_is_not_drawn_by_a_gross_outlier() {
     assert!(robust < 0.05 * squared, "{robust} against {squared}");
 }
 
+/// Outliers are named by the rows and lines of their file, whichever rows are used and held out, in the
+/// result, in the text and in the report; without a robust loss nothing is.
+#[test]
+fn outliers_are_named_by_their_rows() {
+    let cell = Cell::new();
+    cell.write("tracker.csv", with_outlier(&cell, 0.05, |_| 5e-5));
+    let plain = cell.run(&["calibrate", "calibration.toml"]);
+    assert!(!plain.stdout.contains("Outliers"), "{}", plain.stdout);
+    cell.append(
+        "calibration.toml",
+        "loss = \"tukey\"\nrows = \"3:\"\nholdout = { every = 10, rows = [1] }\n",
+    );
+    let run = cell.run(&[&SAVE[..], &["--json"]].concat());
+    assert_eq!(run.status, 0, "{}", run.stderr);
+    let result = run.json();
+    let outliers = result["outliers"].as_array().unwrap();
+    let [outlier] = &outliers[..] else {
+        panic!("{outliers:?}");
+    };
+    assert_eq!(outlier["constraint"], "tracker");
+    assert_eq!((&outlier["row"], &outlier["line"]), (&7.into(), &9.into()));
+    assert!((number(&outlier["error"]) - 0.05).abs() < 1e-3, "{outlier}");
+    assert_eq!(number(&outlier["weight"]), 0.0);
+    for text in [run.stderr, cell.read("out/report.html")] {
+        assert!(
+            text.contains("tracker: 1 of 33, without them rms 0.0"),
+            "{text}"
+        );
+        assert!(text.contains("row 7 (line 9) 50."), "{text}");
+    }
+}
+
 #[test]
 fn all_ways_of_differentiating_and_solving_agree() {
     let reference = Cell::new().calibrate();
@@ -874,7 +906,7 @@ fn what_is_said_of_the_residuals_follows_from_the_files() {
     assert_eq!(rows.len(), 36, "those held out are not in it");
     // Readings 0, 10, … are held out; the first is on line 2.
     assert_eq!(rows[0][..4], ["1", "tracker.csv", "3", "3"]);
-    assert_eq!(rows[9][..4], ["10", "tracker.csv", "13", "3"]);
+    assert_eq!(rows[9][..4], ["11", "tracker.csv", "13", "3"]);
     let column = |k: usize| -> Vec<f64> {
         let cells = rows.iter().map(|row| row[k].parse().unwrap());
         cells.collect()
@@ -897,7 +929,8 @@ fn what_is_said_of_the_residuals_follows_from_the_files() {
     let sigmas = column(9);
     let worst = sigmas.iter().copied().fold(0.0, f64::max);
     assert!((number(&tool["worst"]) / worst - 1.0).abs() < 1e-9);
-    let row = number(&tool["row"]) as usize - 1;
+    let of_file = tool["row"].to_string();
+    let row = rows.iter().position(|cells| cells[0] == of_file).unwrap();
     assert!((sigmas[row] / worst - 1.0).abs() < 1e-9);
     assert_eq!(tool["line"].to_string(), rows[row][2]);
     assert!(
@@ -920,7 +953,7 @@ fn a_wrong_reading_is_named() {
     assert_eq!(outliers.len(), 1);
     assert_eq!(
         (&outliers[0]["row"], &outliers[0]["line"]),
-        (&json!(7), &json!(8))
+        (&json!(6), &json!(8))
     );
     assert_eq!(result["statistics"]["verdict"], "too-large");
     let text = "1 measurement is farther off than chance explains: line 8 of tracker.csv";

@@ -1,7 +1,7 @@
 //! The report as one HTML page that needs nothing else.
 
 use crate::failure::Failure;
-use crate::show::{number, people, taken_over};
+use crate::show::{number, people, set_aside, taken_over};
 use crate::show_statistics::{place, probability, sentences};
 use minijinja::{Environment, context};
 use plotters::prelude::*;
@@ -95,6 +95,7 @@ pub fn html(outcome: &Outcome, source: &str) -> Result<String, Failure> {
         condition => result.condition.map_or_else(|| "–".into(), |c| format!("{c:.3e}")),
         sigma0 => result.sigma0.map_or_else(|| "–".into(), number),
         sets, plots, parameters,
+        set_aside => set_aside(result),
         places => places(result),
         sentences => sentences(result),
         outliers => outliers(result),
@@ -121,8 +122,9 @@ fn outliers(result: &CalibrationResult) -> Vec<minijinja::Value> {
             constraint => o.constraint,
             place => place(&o.constraint, o.file.as_deref(), o.line, o.row),
             error => number(o.error * 1e3),
-            standardised => format!("{:.1}", o.standardised),
-            p => probability(o.p_value),
+            standardised => o.standardised.map_or_else(|| "–".into(), |s| format!("{s:.1}")),
+            p => o.p_value.map_or_else(|| "–".into(), probability),
+            weight => o.weight.map_or_else(|| "–".into(), |w| format!("{w:.2}")),
         }
     };
     result.outliers.iter().take(LISTED).map(line).collect()

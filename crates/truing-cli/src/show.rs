@@ -5,7 +5,7 @@ use comfy_table::{CellAlignment, ContentArrangement, Table, presets};
 use std::collections::BTreeSet;
 use std::fmt::Write;
 use truing_robot::calibration::{
-    CalibrationResult, ErrorSummary, ParameterResult, SetResult, Status,
+    CalibrationResult, ErrorSummary, Outlier, ParameterResult, SetResult, Status,
 };
 
 /// A number with about five significant digits, small ones in scientific notation.
@@ -167,6 +167,42 @@ fn signed(c: f64) -> String {
     format!("{}{}", if c < 0.0 { "−" } else { "+" }, number(c.abs()))
 }
 
+/// What robust losses have set aside, a line a set: how many of how many, the error of the rest, and the
+/// worst by their rows.
+pub fn set_aside(result: &CalibrationResult) -> Vec<String> {
+    const SHOWN: usize = 8;
+    let mut lines = Vec::new();
+    for set in &result.constraints {
+        let own = result.outliers.iter();
+        let mut own: Vec<&Outlier> = own
+            .filter(|o| o.constraint == set.name && o.weight.is_some())
+            .collect();
+        if own.is_empty() {
+            continue;
+        }
+        own.sort_by(|a, b| b.error.abs().total_cmp(&a.error.abs()));
+        let mut line = format!("{}: {} of {}", set.name, own.len(), set.count);
+        let squares: f64 = own.iter().map(|o| o.error * o.error).sum();
+        let rest = set.count - own.len();
+        if let (Some(after), true) = (&set.after, rest > 0) {
+            let all = after.rms * after.rms * set.count as f64;
+            let rms = ((all - squares).max(0.0) / rest as f64).sqrt();
+            let _ = write!(line, ", without them rms {} mm", number(rms * 1e3));
+        }
+        let worst: Vec<String> = own
+            .iter()
+            .take(SHOWN)
+            .map(|o| {
+                let at = o.line.map_or_else(String::new, |n| format!(" (line {n})"));
+                format!("row {}{at} {} mm", o.row, number(o.error * 1e3))
+            })
+            .collect();
+        let which = if own.len() > SHOWN { "; worst " } else { "; " };
+        lines.push(line + which + &worst.join(", "));
+    }
+    lines
+}
+
 /// The whole result as text.
 pub fn result(result: &CalibrationResult) -> String {
     let mut out = String::new();
@@ -194,6 +230,14 @@ pub fn result(result: &CalibrationResult) -> String {
         "  before: the nominal robot as given; registered: the nominal robot, only frames, base, tool points, planes\n  \
          and points estimated: what improvements are to be compared with.\n\n",
     );
+    let outliers = set_aside(result);
+    if !outliers.is_empty() {
+        out.push_str("Outliers, which the losses set aside (rows counted from 0)\n");
+        for line in outliers {
+            let _ = writeln!(out, "  {line}");
+        }
+        out.push('\n');
+    }
     out.push_str("Parameters\n");
     let mut parameters = table(
         &["name", "nominal", "estimate", "change", "σ", "", "status"],

@@ -67,15 +67,15 @@ fn tool(tool: &ToolUncertainty) -> String {
 }
 
 fn outliers(all: &[Outlier]) -> Option<String> {
-    let named: Vec<String> = all
-        .iter()
-        .take(NAMED)
+    // Those that a loss has set aside are told of by set.
+    let all: Vec<&Outlier> = all.iter().filter(|o| o.weight.is_none()).collect();
+    let named: Vec<String> = (all.iter().take(NAMED))
         .map(|o| {
             format!(
                 "{} ({} mm, {:.1} σ)",
                 place(&o.constraint, o.file.as_deref(), o.line, o.row),
                 number(o.error * 1e3),
-                o.standardised
+                o.standardised.unwrap_or(f64::INFINITY)
             )
         })
         .collect();

@@ -2,8 +2,10 @@
 
 use crate::autodiff::Scratch;
 use crate::constraint::{Constraint, Jacobian, Point};
+use crate::error::Error;
 use crate::loss::Loss;
 use crate::noise::Noise;
+use crate::robust::Weighing;
 use crate::variable::{MAX_VARS, Slot, Vars};
 
 /// Writes the panels of a CSC matrix at a running cursor per column: constraints are visited in row
@@ -38,20 +40,38 @@ pub trait ConstraintBlock: Send + Sync {
     }
     /// Rows of each constraint.
     fn dim(&self) -> usize;
-    /// Whether a loss other than the trivial one weighs it.
-    fn is_robust(&self) -> bool {
-        false
+    /// The loss of every constraint.
+    fn loss(&self) -> Loss {
+        Loss::Trivial
+    }
+    /// Gives every constraint another loss.
+    ///
+    /// # Errors
+    /// If the block takes none, as by default.
+    fn set_loss(&mut self, loss: Loss) -> Result<(), Error> {
+        Err(Error::Noise {
+            found: format!("the loss `{}` for `{}`", loss.name(), self.name()),
+            expected: "a block that takes a loss, such as a `Batch`".into(),
+        })
+    }
+    /// By how much the cost of the whole block is multiplied.
+    fn weight(&self) -> f64 {
+        1.0
     }
     /// Indices of the variables of constraint `item`.
     fn variables(&self, item: usize) -> Vec<usize>;
     /// Residuals in the measurements' own units.
     fn raw_residual(&self, x: &[f64], r: &mut [f64]);
-    /// Whitened, reweighted residuals; returns the cost ½Σρ(‖r‖²).
-    fn residual(&self, x: &[f64], r: &mut [f64]) -> f64;
-    /// The same with the Jacobian, written panel after panel.
+    /// Whitened residuals weighted by √(a ρ′); returns the cost ½aΣρ(‖r‖²). The scale of the loss is
+    /// multiplied by `relaxation`, 1 or more ([`Loss::relaxed`]), and a is the block's weight.
+    fn residual(&self, x: &[f64], relaxation: f64, r: &mut [f64]) -> f64;
+    /// The residuals r̃ and the Jacobian J̃, written panel after panel, of which J̃ᵀr̃ is the gradient
+    /// of the cost and J̃ᵀJ̃ about its Hessian; returns the cost. Under a robust loss r̃ need not be
+    /// what [`residual`](Self::residual) is: see [`Loss`].
     fn linearize(
         &self,
         x: &[f64],
+        relaxation: f64,
         scratch: &mut Scratch,
         r: &mut [f64],
         j: &mut PanelWriter<'_>,
@@ -85,6 +105,7 @@ pub struct Batch<C: Constraint> {
     /// For the constraints pushed without one of their own.
     noise: Noise,
     loss: Loss,
+    weight: f64,
 }
 
 impl<C: Constraint> Batch<C> {
@@ -97,6 +118,7 @@ impl<C: Constraint> Batch<C> {
             noises: Vec::new(),
             noise: Noise::Unit,
             loss: Loss::Trivial,
+            weight: 1.0,
         }
     }
 
@@ -127,6 +149,22 @@ impl<C: Constraint> Batch<C> {
     pub fn loss(mut self, loss: Loss) -> Self {
         self.loss = loss;
         self
+    }
+
+    /// Multiplies the cost of the whole block by a weight: ½aΣρ(‖r‖²). Unlike another noise it leaves
+    /// what is large, for the loss, as it is.
+    ///
+    /// # Errors
+    /// If the weight is not positive and finite.
+    pub fn weight(mut self, weight: f64) -> Result<Self, Error> {
+        if weight.is_finite() && weight > 0.0 {
+            self.weight = weight;
+            return Ok(self);
+        }
+        Err(Error::Noise {
+            found: format!("a weight of {weight} for `{}`", self.name),
+            expected: "a positive, finite number".into(),
+        })
     }
 
     /// Adds a constraint on the given variables.
@@ -180,17 +218,6 @@ impl<C: Constraint> Batch<C> {
     }
 }
 
-/// The cost ½ρ(‖r‖²) of one whitened measurement and √ρ', by which r is multiplied in place.
-fn reweight(loss: Loss, r: &mut [f64]) -> (f64, f64) {
-    let s = r.iter().map(|r| r * r).sum();
-    let (rho, slope) = loss.evaluate(s);
-    let weight = slope.sqrt();
-    if weight != 1.0 {
-        r.iter_mut().for_each(|r| *r *= weight);
-    }
-    (0.5 * rho, weight)
-}
-
 impl<C: Constraint> ConstraintBlock for Batch<C> {
     fn name(&self) -> &str {
         &self.name
@@ -204,8 +231,17 @@ impl<C: Constraint> ConstraintBlock for Batch<C> {
         C::DIM
     }
 
-    fn is_robust(&self) -> bool {
-        self.loss != Loss::Trivial
+    fn loss(&self) -> Loss {
+        self.loss
+    }
+
+    fn set_loss(&mut self, loss: Loss) -> Result<(), Error> {
+        self.loss = loss;
+        Ok(())
+    }
+
+    fn weight(&self) -> f64 {
+        self.weight
     }
 
     fn variables(&self, item: usize) -> Vec<usize> {
@@ -226,12 +262,15 @@ impl<C: Constraint> ConstraintBlock for Batch<C> {
         }
     }
 
-    fn residual(&self, x: &[f64], r: &mut [f64]) -> f64 {
+    fn residual(&self, x: &[f64], relaxation: f64, r: &mut [f64]) -> f64 {
         self.raw_residual(x, r);
+        let loss = self.loss.relaxed(relaxation);
         let mut cost = 0.0;
         for (item, r) in r.chunks_exact_mut(C::DIM).enumerate() {
             self.noises[item].whiten(r);
-            cost += reweight(self.loss, r).0;
+            let weighing = Weighing::of(loss, self.weight, r);
+            r.iter_mut().for_each(|r| *r *= weighing.root);
+            cost += weighing.cost;
         }
         cost
     }
@@ -239,11 +278,13 @@ impl<C: Constraint> ConstraintBlock for Batch<C> {
     fn linearize(
         &self,
         x: &[f64],
+        relaxation: f64,
         scratch: &mut Scratch,
         r: &mut [f64],
         j: &mut PanelWriter<'_>,
     ) -> f64 {
         let mut panel = std::mem::take(&mut scratch.panel);
+        let loss = self.loss.relaxed(relaxation);
         let mut cost = 0.0;
         for (item, (constraint, r)) in self
             .constraints
@@ -260,14 +301,14 @@ impl<C: Constraint> ConstraintBlock for Batch<C> {
             constraint.linearize(&mut Point::new(slices, scratch), r, &mut jacobian);
             let noise = &self.noises[item];
             noise.whiten(r);
-            let (c, weight) = reweight(self.loss, r);
-            cost += c;
-            if !matches!(noise, Noise::Unit) || weight != 1.0 {
+            if !matches!(noise, Noise::Unit) {
                 for column in panel.chunks_exact_mut(C::DIM) {
                     noise.whiten(column);
-                    column.iter_mut().for_each(|entry| *entry *= weight);
                 }
             }
+            let weighing = Weighing::of(loss, self.weight, r);
+            cost += weighing.cost;
+            weighing.apply(r, &mut panel);
             let mut from = 0;
             for (slot, dim) in self.slots[item].iter().zip(dims).take(C::Vars::COUNT) {
                 j.write(slot.column, C::DIM, &panel[from..from + dim * C::DIM]);

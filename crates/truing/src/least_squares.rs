@@ -37,7 +37,8 @@ pub struct Linearization {
     pub structure: Arc<Structure>,
     /// The entries of J (rows × cols), in the order of the structure.
     pub values: Vec<f64>,
-    /// r, whitened and reweighted.
+    /// r, whitened and weighted so that Jᵀr is the gradient of the cost. Under robust losses it is the
+    /// r̃ of [`Loss`](crate::Loss), up to √10 longer than what [`LeastSquares::residual`] gives.
     pub residual: Vec<f64>,
     /// ½Σρ(‖r‖²) over the measurements.
     pub cost: f64,

@@ -14,6 +14,7 @@ pub mod manifold;
 mod noise;
 mod prior;
 mod problem;
+mod robust;
 mod scalar;
 mod solution;
 pub mod solver;
@@ -32,6 +33,10 @@ pub use loss::Loss;
 pub use noise::Noise;
 pub use prior::Prior;
 pub use problem::Problem;
+pub use robust::{
+    Adapted, Outlier, Relaxed, Weight, adapt_loss, solve_adaptive, solve_graduated,
+    solve_graduated_from,
+};
 pub use scalar::{Dual, Scalar, value};
 pub use solution::{BlockReport, Solution};
 pub use solver::{ActiveLimit, Method, Settings, Termination, Tolerances, solve, solve_from};

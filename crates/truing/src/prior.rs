@@ -89,13 +89,20 @@ impl<V: Variable> ConstraintBlock for Prior<V> {
         }
     }
 
-    fn residual(&self, x: &[f64], r: &mut [f64]) -> f64 {
+    fn residual(&self, x: &[f64], _: f64, r: &mut [f64]) -> f64 {
         self.raw_residual(x, r);
         self.noise.whiten(r);
         0.5 * r.iter().map(|r| r * r).sum::<f64>()
     }
 
-    fn linearize(&self, x: &[f64], _: &mut Scratch, r: &mut [f64], j: &mut PanelWriter<'_>) -> f64 {
+    fn linearize(
+        &self,
+        x: &[f64],
+        _: f64,
+        _: &mut Scratch,
+        r: &mut [f64],
+        j: &mut PanelWriter<'_>,
+    ) -> f64 {
         const N: usize = 8;
         let x = self.x(x);
         let dim = V::tangent_dim(x.len());

@@ -6,6 +6,7 @@ use crate::constraint::Constraint;
 use crate::error::Error;
 use crate::least_squares::{LeastSquares, Linearization, StepBounds, Structure};
 use crate::limits::{Limits, LinearLimit};
+use crate::loss::Loss;
 use crate::prior::Prior;
 use crate::variable::{Slot, Values, Var, Variable, VariableSlot, Vars, slope};
 use nalgebra::DMatrix;
@@ -268,6 +269,18 @@ impl Problem {
         r
     }
 
+    /// Gives every constraint of a block another loss.
+    ///
+    /// # Errors
+    /// If the block takes none, such as a prior.
+    ///
+    /// # Panics
+    /// If there is no such block.
+    #[track_caller]
+    pub fn set_loss(&mut self, block: usize, loss: Loss) -> Result<(), Error> {
+        self.blocks[block].set_loss(loss)
+    }
+
     /// Number of residual rows.
     pub fn rows(&self) -> usize {
         self.blocks.iter().map(|b| b.len() * b.dim()).sum()
@@ -340,41 +353,11 @@ impl LeastSquares for Problem {
     }
 
     fn residual(&self, x: &Values, r: &mut [f64]) -> f64 {
-        let mut row = 0;
-        let mut cost = 0.0;
-        for block in &self.blocks {
-            let rows = block.len() * block.dim();
-            cost += block.residual(&x.data, &mut r[row..row + rows]);
-            row += rows;
-        }
-        cost
+        self.residual_relaxed(x, 1.0, r)
     }
 
     fn linearize(&self, x: &Values, lin: &mut Linearization) {
-        let (_, starts) = self.layout();
-        let mut memory = match self.memory.lock() {
-            Ok(memory) => memory,
-            // Scratch memory holds nothing that a panic elsewhere could have spoilt.
-            Err(poisoned) => poisoned.into_inner(),
-        };
-        let (scratch, cursor) = &mut *memory;
-        let mut row = 0;
-        lin.cost = 0.0;
-        for (block, start) in self.blocks.iter().zip(starts) {
-            let rows = block.len() * block.dim();
-            cursor.clone_from(start);
-            let mut writer = PanelWriter {
-                values: &mut lin.values,
-                cursor,
-            };
-            lin.cost += block.linearize(
-                &x.data,
-                scratch,
-                &mut lin.residual[row..row + rows],
-                &mut writer,
-            );
-            row += rows;
-        }
+        self.linearize_relaxed(x, 1.0, lin);
     }
 
     fn plus(&self, x: &Values, delta: &[f64]) -> Values {
@@ -419,7 +402,9 @@ impl LeastSquares for Problem {
     }
 
     fn is_robust(&self) -> bool {
-        self.blocks.iter().any(|block| block.is_robust())
+        self.blocks
+            .iter()
+            .any(|block| block.loss() != Loss::Trivial)
     }
 
     fn describe_row(&self, row: usize) -> String {
@@ -477,6 +462,47 @@ impl LeastSquares for Problem {
 pub(crate) type ChartSlope = (Range<usize>, Option<DMatrix<f64>>);
 
 impl Problem {
+    /// r at x with the scale of every loss multiplied by a relaxation, and the cost.
+    pub(crate) fn residual_relaxed(&self, x: &Values, relaxation: f64, r: &mut [f64]) -> f64 {
+        let mut row = 0;
+        let mut cost = 0.0;
+        for block in &self.blocks {
+            let rows = block.len() * block.dim();
+            cost += block.residual(&x.data, relaxation, &mut r[row..row + rows]);
+            row += rows;
+        }
+        cost
+    }
+
+    /// r, J and the cost at x with the scale of every loss multiplied by a relaxation.
+    pub(crate) fn linearize_relaxed(&self, x: &Values, relaxation: f64, lin: &mut Linearization) {
+        let (_, starts) = self.layout();
+        let mut memory = match self.memory.lock() {
+            Ok(memory) => memory,
+            // Scratch memory holds nothing that a panic elsewhere could have spoilt.
+            Err(poisoned) => poisoned.into_inner(),
+        };
+        let (scratch, cursor) = &mut *memory;
+        let mut row = 0;
+        lin.cost = 0.0;
+        for (block, start) in self.blocks.iter().zip(starts) {
+            let rows = block.len() * block.dim();
+            cursor.clone_from(start);
+            let mut writer = PanelWriter {
+                values: &mut lin.values,
+                cursor,
+            };
+            lin.cost += block.linearize(
+                &x.data,
+                relaxation,
+                scratch,
+                &mut lin.residual[row..row + rows],
+                &mut writer,
+            );
+            row += rows;
+        }
+    }
+
     /// x₀ ⊞ δ, whatever the limits.
     pub(crate) fn retract_from_start(&self, delta: &[f64]) -> Values {
         let mut out = self.initial.clone();

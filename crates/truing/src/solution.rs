@@ -1,5 +1,6 @@
 //! Solutions and short reports of them.
 
+use crate::robust::Outlier;
 use crate::solver::{ActiveLimit, Evaluations, Termination};
 use crate::step::Side;
 use crate::variable::Values;
@@ -23,6 +24,8 @@ pub struct Solution {
     pub limits: Vec<ActiveLimit>,
     /// Every block's residuals before and after.
     pub blocks: Vec<BlockReport>,
+    /// The measurements that robust losses have set aside, block after block.
+    pub outliers: Vec<Outlier>,
 }
 
 /// A block's residuals before and after, in the measurements' own units.
@@ -52,12 +55,22 @@ impl std::fmt::Display for Solution {
             self.evaluations.residual,
             self.evaluations.jacobian
         )?;
-        for block in &self.blocks {
-            writeln!(
+        for (number, block) in self.blocks.iter().enumerate() {
+            write!(
                 f,
                 "  {}: {} constraints, rms {:.4e} → {:.4e}",
                 block.name, block.count, block.initial_rms, block.rms
             )?;
+            let own = || self.outliers.iter().filter(|o| o.block == number);
+            if let Some(worst) = own().max_by(|a, b| a.norm.total_cmp(&b.norm)) {
+                let count = own().count();
+                write!(
+                    f,
+                    ", {count} set aside as outliers, the worst number {} ({:.1} σ)",
+                    worst.item, worst.norm
+                )?;
+            }
+            writeln!(f)?;
         }
         for limit in &self.limits {
             let side = match limit.side {

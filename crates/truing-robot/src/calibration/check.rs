@@ -260,7 +260,7 @@ fn compared(
         tolerance: way.tolerance,
         column: own.columns[worst.column].name.clone(),
         measurement,
-        line: line.and_then(|(_, lines)| lines.get(measurement).copied()),
+        line: line.and_then(|origin| origin.lines.get(measurement).copied()),
         entries: worst.entries,
         seconds: time_of(timed),
         columns,

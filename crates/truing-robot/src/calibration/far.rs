@@ -6,6 +6,8 @@
 //! joint space, where shrinking gains nothing ([`Tempered`]), and the parameters are drawn to where
 //! they start, strongly first, then ever less. What fits at the end is then estimated as ever.
 
+mod robust;
+
 use super::assembly::Assembly;
 use super::measurement::MeasurementSet;
 use super::run::Calibration;
@@ -18,6 +20,7 @@ use crate::kinematics::Unit;
 use crate::posture;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use robust::Robust;
 use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 use truing::solver::{Evaluations, run};
@@ -43,6 +46,8 @@ const PROBE: u64 = 10;
 const GOOD: f64 = 3.0;
 /// Starts, nominal included.
 const STARTS: usize = 60;
+/// The same under robust losses: each start takes several times as long.
+const ROBUST_STARTS: usize = 20;
 /// Strengths of the pull, each a third of the one before: the first is one metre of residual a
 /// radian.
 const STAGES: usize = 11;
@@ -95,6 +100,8 @@ pub(super) struct Found {
 struct Search<'a> {
     calibration: &'a Calibration,
     assembly: &'a Assembly,
+    /// The same with robust losses, if there are any.
+    robust: Option<Robust<'a>>,
     /// Estimated parameters of robots: robot, parameter, and what a radian is worth in its unit.
     estimated: Vec<(usize, usize, f64)>,
     reach: f64,
@@ -110,7 +117,9 @@ impl Calibration {
     /// `None` where nominal will do: it is near, or the file asks for plain steps, other equations,
     /// or bounds on what is estimated, inside which nothing is far.
     ///
-    /// The search takes no robust loss: one would weigh touches by how far the start is off.
+    /// The search takes no robust loss: one would weigh touches by how far the start is off. But where
+    /// there is one, a fit is also right if the robust estimate that starts there is down to the noise in
+    /// most measurements.
     pub(super) fn far_start(
         &self,
         from: &State,
@@ -138,13 +147,21 @@ impl Calibration {
             sets: self.sets.iter().map(MeasurementSet::unweighted).collect(),
             ..self.clone()
         };
-        let assembly = unweighted.columns_assembled(from, choices, true)?;
-        unweighted.search(&assembly, choices, reach, deadline)
+        let plain = unweighted.columns_assembled(from, choices, true)?;
+        let robust = if assembly.problem.is_robust() {
+            let convex = self.convex().columns_assembled(from, choices, true)?;
+            let stated = assembly;
+            Some(Robust { stated, convex })
+        } else {
+            None
+        };
+        unweighted.search(&plain, robust, choices, reach, deadline)
     }
 
     fn search(
         &self,
         assembly: &Assembly,
+        robust: Option<Robust<'_>>,
         choices: &[Choice],
         reach: f64,
         deadline: Option<Instant>,
@@ -169,6 +186,7 @@ impl Calibration {
         let search = Search {
             calibration: self,
             assembly,
+            robust,
             estimated,
             reach,
             sigma: (sum / f64::max(count, 1.0)).sqrt(),
@@ -230,7 +248,7 @@ impl Search<'_> {
             return Ok(self.found(probe, cost, 0, true));
         }
         let mut fits = vec![];
-        if self.rms(&probe, cost) < NEAR {
+        if self.robust.is_none() && self.rms(&probe, cost) < NEAR {
             // Nearly there, perhaps as near as measurements that are worse than their σ allow.
             (probe, cost) = self.finish(probe, cost)?;
             if self.slope(&probe) > THIN * slope {
@@ -240,7 +258,12 @@ impl Search<'_> {
         let mut abandoned: Option<(Values, f64)> = None;
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         let mut starts = 0;
-        while starts < STARTS && !self.stopped() {
+        let most = if self.robust.is_some() {
+            ROBUST_STARTS
+        } else {
+            STARTS
+        };
+        while starts < most && !self.stopped() {
             let begin = if starts == 0 {
                 nominal.clone()
             } else {
@@ -257,13 +280,17 @@ impl Search<'_> {
                 }
                 continue;
             }
-            let (x, cost) = self.solve(&x, LAST)?;
-            let (x, cost) = self.finish(x, cost)?;
-            let ((x, cost), accepted) = self.accept(x, cost, slope)?;
+            let ((x, cost), accepted) = if self.robust.is_some() {
+                self.accept_robust(x, f64::INFINITY, slope)?
+            } else {
+                let (x, cost) = self.solve(&x, LAST)?;
+                let (x, cost) = self.finish(x, cost)?;
+                self.accept(x, cost, slope)?
+            };
             if accepted {
                 return Ok(self.found(x, cost, starts, true));
             }
-            if self.slope(&x) > THIN * slope {
+            if self.slope(&x) > THIN * slope && self.is_of_most(&x) {
                 fits.push((x, cost));
             }
             // Measurements may be worse than their σ says: then two starts that end alike decide.
@@ -338,7 +365,9 @@ impl Search<'_> {
             self.count(outcome.evaluations, outcome.iterations);
             x = outcome.point;
             let left = self.rms(&x, outcome.cost - tempered.pulled(&x));
-            if stage >= WARM && left > STUCK * before && left > 2.0 * GOOD.max(best) {
+            // Outliers keep any residual up.
+            let stuck = self.robust.is_none() && stage >= WARM;
+            if stuck && left > STUCK * before && left > 2.0 * GOOD.max(best) {
                 return Ok((x, Some(left)));
             }
             before = left;
@@ -375,7 +404,7 @@ impl Search<'_> {
     /// the angles.
     fn accept(&mut self, x: Values, cost: f64, slope: f64) -> Result<((Values, f64), bool), Error> {
         if self.rms(&x, cost) > GOOD {
-            return Ok(((x, cost), false));
+            return self.accept_robust(x, cost, slope);
         }
         let (x, cost) = self.solve(&x, 5 * LAST)?;
         let accepted = self.rms(&x, cost) <= GOOD && self.slope(&x) > THIN * slope;
@@ -418,7 +447,7 @@ impl Search<'_> {
             .skip(sets)
             .map(|block| {
                 let mut r = vec![0.0; block.len() * block.dim()];
-                block.residual(x.as_slice(), &mut r)
+                block.residual(x.as_slice(), 1.0, &mut r)
             })
             .sum();
         let rows: usize = (0..sets).map(|k| problem.block_rows(k).len()).sum();

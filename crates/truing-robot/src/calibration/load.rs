@@ -3,15 +3,15 @@
 use super::data::{Data, known_plane};
 use super::far::Strategy;
 use super::form::{Form, Plugin};
-use super::measurement::{Arm, Measured, MeasurementSet};
+use super::measurement::{Arm, Measured, MeasurementSet, Origin};
 use super::names::{Names, in_unit_of, listed, plain};
 use super::run::{Calibration, Estimate};
 use crate::constraint::Derivatives;
 use crate::error::Error;
 use crate::file::{
     BoundSpec, CalibrationFile, ConstraintSpec, DistanceSpec, EstimateSpec, InputError,
-    JacobianKind, Kind, LossSpec, Quantity, RobotFile, RobotRef, SigmaSpec, SolverKind, Source,
-    Spanned, StrategyKind, Table, nearest,
+    JacobianKind, Kind, Quantity, RobotFile, RobotRef, SigmaSpec, SolverKind, Source, Spanned,
+    StrategyKind, Table, nearest,
 };
 use crate::kinematics::{Robot, Unit};
 use std::collections::BTreeMap;
@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use truing::manifold::Pose;
 use truing::nalgebra::Vector3;
-use truing::{Loss, Method, Settings, Tolerances};
+use truing::{Method, Settings, Tolerances};
 
 /// Reads the robots and data that a calibration file names.
 ///
@@ -425,17 +425,13 @@ impl Loader<'_> {
                 spec.name
             ));
         }
-        let loss = match spec.loss {
-            LossSpec::Trivial => Loss::Trivial,
-            LossSpec::Huber(k) => Loss::Huber(k),
-        };
         let mut set = MeasurementSet {
             name: spec.name.clone(),
             robot,
             q,
             measured,
             sigma,
-            loss,
+            loss: spec.loss,
             target: target.map(|t| t.value.clone()),
             other_target: spec.targets.as_ref().map(|names| names[1].value.clone()),
             target_guess: spec
@@ -445,10 +441,11 @@ impl Loader<'_> {
             frame_guess: spec.frame_guess.map(|g| {
                 Pose::from_quaternion(Vector3::new(g[0], g[1], g[2]), [g[3], g[4], g[5], g[6]])
             }),
-            origin: Some((
-                spec.data.clone(),
-                data.rows.iter().map(|row| table.line(*row)).collect(),
-            )),
+            origin: Some(Origin {
+                path: spec.data.clone(),
+                lines: data.rows.iter().map(|row| table.line(*row)).collect(),
+                rows: data.rows.clone(),
+            }),
             form: None,
         };
         if let (Some(form), Some(method)) = (form, &spec.method) {

@@ -149,6 +149,17 @@ impl Measured {
     }
 }
 
+/// Where the rows of a set were read.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Origin {
+    /// The data file.
+    pub path: PathBuf,
+    /// The line of every row, from 1.
+    pub lines: Vec<usize>,
+    /// The number of every row in the file, from 0, as `rows` counts in calibration files.
+    pub rows: Vec<usize>,
+}
+
 /// Measurements of one kind, by one sensor, on one robot.
 #[derive(Debug, Clone)]
 pub struct MeasurementSet {
@@ -176,8 +187,8 @@ pub struct MeasurementSet {
     pub frame: Option<String>,
     /// Where to start its estimate.
     pub frame_guess: Option<Pose<f64>>,
-    /// File and line of every row, for messages.
-    pub origin: Option<(PathBuf, Vec<usize>)>,
+    /// Where every row was read, for messages; none for measurements that are not of a file.
+    pub origin: Option<Origin>,
 }
 
 impl MeasurementSet {
@@ -315,10 +326,11 @@ impl MeasurementSet {
             q: pick(&self.q, rows),
             measured,
             sigma: pick(&self.sigma, rows),
-            origin: self
-                .origin
-                .as_ref()
-                .map(|(path, lines)| (path.clone(), pick(lines, rows))),
+            origin: self.origin.as_ref().map(|origin| Origin {
+                path: origin.path.clone(),
+                lines: pick(&origin.lines, rows),
+                rows: pick(&origin.rows, rows),
+            }),
             ..self.clone()
         }
     }

@@ -12,6 +12,7 @@ mod identify;
 mod load;
 mod measurement;
 mod names;
+mod outlier;
 mod predict;
 mod prediction;
 mod question;
@@ -40,7 +41,7 @@ pub use identification::{
 pub use identify::Question;
 pub(crate) use load::{estimate, read_arms};
 pub use load::{load, load_with};
-pub use measurement::{Arm, Groups, Measured, MeasurementSet, Sigma};
+pub use measurement::{Arm, Groups, Measured, MeasurementSet, Origin, Sigma};
 pub(crate) use names::{Names, in_unit_of};
 pub use question::{Asked, RobotQuestion};
 pub use result::{

@@ -8,7 +8,7 @@ use super::select::in_order;
 use super::start::start;
 use super::state::{Owner, State};
 use crate::error::Error;
-use truing::{Settings, Values, solve};
+use truing::{Settings, Values, solve_graduated};
 
 impl Calibration {
     /// Errors of rows of set `k` (the set itself, or rows held out of it) in the three states.
@@ -120,7 +120,7 @@ impl Calibration {
             let values: Values = if free.is_empty() {
                 assembly.problem.initial().clone()
             } else {
-                solve(&assembly.problem, &Settings::default())?.values
+                solve_graduated(&assembly.problem, &Settings::default())?.values
             };
             Ok(ErrorSummary::of_residuals(
                 &assembly.residuals(0, &values),

@@ -4,7 +4,7 @@ use super::assembly::Assembly;
 use super::doubt::DISTRUST;
 use super::measurement::Measured;
 use super::result::{
-    CalibrationResult, ErrorSummary, FrameEstimate, LocationEstimate, ParameterResult,
+    CalibrationResult, ErrorSummary, FrameEstimate, LocationEstimate, Outlier, ParameterResult,
     PlaneEstimate, PointEstimate, SetResult, Status, TargetEstimate, TerminationReport,
 };
 use super::run::Calibration;
@@ -77,6 +77,7 @@ impl Report<'_> {
         solution: &Solution,
         constraints: Vec<SetResult>,
         validation: Vec<SetResult>,
+        outliers: Vec<Outlier>,
         warnings: Vec<String>,
     ) -> Result<CalibrationResult, Error> {
         let calibration = self.calibration;
@@ -209,10 +210,7 @@ impl Report<'_> {
                 .statistics
                 .map(|s| s.correlations.clone())
                 .unwrap_or_default(),
-            outliers: self
-                .statistics
-                .map(|s| s.outliers.clone())
-                .unwrap_or_default(),
+            outliers,
             tools: self.statistics.map(|s| s.tools.clone()).unwrap_or_default(),
         })
     }

@@ -275,7 +275,11 @@ pub struct Correlated {
     pub coefficient: f64,
 }
 
-/// A measurement that is farther off than chance explains in so many.
+/// A measurement that does not fit the others.
+///
+/// Where its set has a robust loss: one that the loss has set aside, which counts less than half, and
+/// whose residual is one that normal noise exceeds once in a thousand measurements. Elsewhere: one that
+/// is farther off than chance explains in so many.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Outlier {
     /// Its set.
@@ -286,14 +290,18 @@ pub struct Outlier {
     /// Its line in the file.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub line: Option<usize>,
-    /// Its number in the set, from 1.
+    /// Its row in the data file, from 0, as `rows` counts.
     pub row: usize,
-    /// Its error \[m\].
+    /// Its error with the calibrated robot \[m\]: a length, or a signed distance from a plane.
     pub error: f64,
-    /// Its residual in standard deviations of that residual, RMS over its values.
-    pub standardised: f64,
+    /// Its residual in standard deviations of that residual, RMS over its values; none where unknowns
+    /// cannot be told apart.
+    pub standardised: Option<f64>,
     /// Probability of one so far off, of a single measurement.
-    pub p_value: f64,
+    pub p_value: Option<f64>,
+    /// Its weight under the loss, of 1; none without a robust loss.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub weight: Option<f64>,
 }
 
 /// How well the tool of a robot is known where it was measured: standard deviations of the length of its
@@ -319,7 +327,7 @@ pub struct ToolUncertainty {
     /// Its line in the file.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub line: Option<usize>,
-    /// Its number in the set, from 1.
+    /// Its row in the data file, from 0, as `rows` counts.
     pub row: usize,
 }
 
@@ -332,8 +340,12 @@ pub struct MeasurementStatistics {
     pub file: Option<String>,
     /// Its line in the file.
     pub line: Option<usize>,
-    /// Its number in the set, from 1.
+    /// Its row in the data file, from 0, as `rows` counts.
     pub row: usize,
+    /// Number of its set.
+    pub set: usize,
+    /// Its number in the set, from 0.
+    pub item: usize,
     /// The robot that measured.
     pub robot: usize,
     /// How many numbers it is.
@@ -398,8 +410,8 @@ pub struct CalibrationResult {
     pub statistics: Option<GlobalTest>,
     /// Pairs of unknowns with a correlation beyond ±0.9, the strongest first.
     pub correlations: Vec<Correlated>,
-    /// Measurements that are farther off than chance explains at the 5 % level, over all of them
-    /// together; the worst first.
+    /// Measurements that do not fit: set aside by robust losses, or farther off than chance explains at
+    /// the 5 % level, over all of them together; the worst first.
     pub outliers: Vec<Outlier>,
     /// How well the tools are known.
     pub tools: Vec<ToolUncertainty>,

@@ -365,6 +365,9 @@ impl Calibration {
                 shortened(&still)
             ));
         }
+        let noise = uncertainty.as_ref().map_or(f64::NAN, |u| u.factor());
+        let outliers = self.outliers(&solution, &fitted.estimated, statistics.as_ref(), noise)?;
+        self.doubt_outliers(&outliers, &mut warnings);
         let report = Report {
             calibration: self,
             assembly: &assembly,
@@ -377,6 +380,7 @@ impl Calibration {
             &solution,
             constraints,
             validation,
+            outliers,
             warnings,
         )?;
         let robots = self

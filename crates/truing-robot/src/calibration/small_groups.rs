@@ -73,11 +73,11 @@ fn small_groups(set: &MeasurementSet) -> Result<Option<(Vec<usize>, String)>, Er
     let help = format!("measure each at least {least} times, or group by another column");
     Err(match &set.origin {
         None => Error::calibration(message, help),
-        Some((path, lines)) => {
-            let error = InputError::new(path, message).with_help(help);
+        Some(origin) => {
+            let error = InputError::new(&origin.path, message).with_help(help);
             let row = groups.of_row.iter().position(|g| g == first);
             match row {
-                Some(row) => error.with_line(lines[row]),
+                Some(row) => error.with_line(origin.lines[row]),
                 None => error,
             }
             .into()

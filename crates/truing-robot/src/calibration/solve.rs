@@ -10,7 +10,8 @@ use super::start::{fit_eliminated, start};
 use super::state::{Owner, State};
 use crate::error::Error;
 use std::time::Instant;
-use truing::{LeastSquares, Settings, Solution, Termination, Values, solve, solve_from};
+use truing::{LeastSquares, Settings, Solution, Termination, Values};
+use truing::{solve_from, solve_graduated, solve_graduated_from};
 
 impl Calibration {
     /// Where the estimate starts. A base far from where its file puts it is where the registration
@@ -133,7 +134,12 @@ impl Calibration {
             ..self.estimate.settings.clone()
         };
         let initial = assembly.problem.initial();
-        let mut solution = solve_from(&assembly.problem, &found.values, &settings)?;
+        // What the search is sure of is a minimum already, which a graduation would leave.
+        let mut solution = if found.sure {
+            solve_from(&assembly.problem, &found.values, &settings)?
+        } else {
+            solve_graduated_from(&assembly.problem, &found.values, &settings)?
+        };
         let mut r = vec![0.0; assembly.problem.rows()];
         solution.initial_cost = assembly.problem.residual(initial, &mut r);
         solution.iterations += found.iterations;
@@ -226,13 +232,13 @@ impl Calibration {
             return Ok((assembly, state, unchanged(values)));
         }
         let solution = if full {
-            solve(&assembly.problem, &self.estimate.settings)?
+            solve_graduated(&assembly.problem, &self.estimate.settings)?
         } else {
             let settings = Settings {
                 interrupt: self.estimate.settings.interrupt.clone(),
                 ..Settings::default()
             };
-            solve(&assembly.problem, &settings)?
+            solve_graduated(&assembly.problem, &settings)?
         };
         let mut state = assembly.state(&solution.values);
         fit_eliminated(&self.arms, &self.sets, &mut state);
@@ -257,5 +263,6 @@ fn unchanged(values: Values) -> Solution {
         evaluations: truing::solver::Evaluations::default(),
         limits: Vec::new(),
         blocks: Vec::new(),
+        outliers: Vec::new(),
     }
 }

@@ -7,6 +7,7 @@ use super::result::{
 use super::run::Calibration;
 use super::select::Choice;
 use super::uncertainty::Judged;
+use truing::Loss;
 use truing::nalgebra::Vector3;
 use truing::statistics::{ChiSquareTest, Verdict};
 
@@ -31,7 +32,6 @@ const ROUNDING: f64 = 1e-6;
 pub(super) struct Statistics {
     pub test: GlobalTest,
     pub correlations: Vec<Correlated>,
-    pub outliers: Vec<Outlier>,
     pub tools: Vec<ToolUncertainty>,
     pub measurements: Vec<MeasurementStatistics>,
 }
@@ -45,16 +45,9 @@ impl Calibration {
         errors: &[ErrorSeries],
     ) -> Statistics {
         let measurements = self.measurement_statistics(judged, errors);
-        // Data without noise leave nothing but rounding.
-        let noisy = judged.uncertainty.factor() > ROUNDING;
         Statistics {
             test: self.global_test(judged),
             correlations: correlations(judged),
-            outliers: if noisy {
-                outliers(&measurements)
-            } else {
-                Vec::new()
-            },
             tools: self.tools(judged, choices, &measurements),
             measurements,
         }
@@ -107,7 +100,7 @@ impl Calibration {
         let mut all = Vec::new();
         let mut first = 0;
         let blocks = judged.assembly.problem.blocks();
-        for ((set, errors), block) in self.sets.iter().zip(errors).zip(blocks) {
+        for (k, ((set, errors), block)) in self.sets.iter().zip(errors).zip(blocks).enumerate() {
             let own = &judged.residuals.constraints[first..first + block.len()];
             first += block.len();
             for (row, error) in errors.calibrated.iter().enumerate() {
@@ -119,7 +112,9 @@ impl Calibration {
                     constraint: set.name.clone(),
                     file,
                     line,
-                    row: row + 1,
+                    row: set.origin.as_ref().map_or(row, |origin| origin.rows[row]),
+                    set: k,
+                    item: row,
                     robot: set.robot,
                     values: set.dim(),
                     error: *error,
@@ -219,14 +214,12 @@ impl Calibration {
 }
 
 /// File name and line of a measurement.
-fn place(set: &MeasurementSet, row: usize) -> (Option<String>, Option<usize>) {
-    let Some((path, lines)) = &set.origin else {
+pub(super) fn place(set: &MeasurementSet, row: usize) -> (Option<String>, Option<usize>) {
+    let Some(origin) = &set.origin else {
         return (None, None);
     };
-    let file = path
-        .file_name()
-        .map(|name| name.to_string_lossy().into_owned());
-    (file, lines.get(row).copied())
+    let file = (origin.path.file_name()).map(|name| name.to_string_lossy().into_owned());
+    (file, origin.lines.get(row).copied())
 }
 
 fn correlations(judged: &Judged) -> Vec<Correlated> {
@@ -245,20 +238,31 @@ fn correlations(judged: &Judged) -> Vec<Correlated> {
         .collect()
 }
 
-/// The measurements that are farther off than the worst of so many is by chance, the worst first.
-fn outliers(measurements: &[MeasurementStatistics]) -> Vec<Outlier> {
+/// Those of measurements without a robust loss that are farther off than the worst of so many is by
+/// chance; none where data without noise leave nothing but rounding.
+pub(super) fn beyond_chance(
+    sets: &[MeasurementSet],
+    measurements: &[MeasurementStatistics],
+    noise: f64,
+) -> Vec<Outlier> {
+    if noise.is_nan() || noise <= ROUNDING {
+        return Vec::new();
+    }
+    let plain = |m: &&MeasurementStatistics| sets[m.set].loss == Loss::Trivial;
     let judged = || measurements.iter().filter_map(|m| Some((m, m.p_value?)));
     let limit = LEVEL / judged().count().max(1) as f64;
-    let mut found: Vec<_> = judged().filter(|(_, p)| *p < limit).collect();
-    found.sort_by(|a, b| a.1.total_cmp(&b.1));
     let outlier = |(m, p_value): (&MeasurementStatistics, f64)| Outlier {
         constraint: m.constraint.clone(),
         file: m.file.clone(),
         line: m.line,
         row: m.row,
         error: m.error,
-        standardised: m.standardised.unwrap_or(f64::INFINITY),
-        p_value,
+        standardised: m.standardised,
+        p_value: Some(p_value),
+        weight: None,
     };
-    found.into_iter().map(outlier).collect()
+    judged()
+        .filter(|(m, p)| *p < limit && plain(m))
+        .map(outlier)
+        .collect()
 }

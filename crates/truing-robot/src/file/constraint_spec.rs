@@ -4,14 +4,16 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use super::constraint_values::{
-    columns, distance, frame_guess, holdout, loss, plane, rows, sigma, target_guess, two_robots,
+    columns, distance, frame_guess, holdout, plane, rows, sigma, target_guess, two_robots,
     two_targets,
 };
 use super::error::{InputError, one_of, suggest};
 use super::item::Item;
+use super::loss::loss;
 use super::quantity::{Quantity, Units};
 use super::section::{Section, Spanned, Spans};
 use super::selection::Selection;
+use truing::Loss;
 
 /// What was measured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -122,16 +124,6 @@ pub enum SigmaSpec {
     },
 }
 
-/// How residuals count.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub enum LossSpec {
-    /// By their square.
-    #[default]
-    Trivial,
-    /// By their square up to this many sigmas, by their size beyond.
-    Huber(f64),
-}
-
 /// A known plane.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum PlaneSpec {
@@ -206,7 +198,7 @@ pub struct ConstraintSpec {
     /// One standard deviation of the measurements.
     pub sigma: Option<SigmaSpec>,
     /// How residuals count.
-    pub loss: LossSpec,
+    pub loss: Loss,
     /// Other equations for the same measurements, by the name that a plugin gives them.
     pub method: Option<Spanned<String>>,
     /// The robot that measured, where there are several.
@@ -269,7 +261,7 @@ impl ConstraintSpec {
                 .transpose()?,
             loss: match table.get("loss") {
                 Some(item) => loss(&item)?,
-                None => LossSpec::default(),
+                None => Loss::Trivial,
             },
             method: name(&mut table, "method")?,
             robot: name(&mut table, "robot")?,
@@ -372,7 +364,7 @@ mod tests {
         assert_eq!(spec.units.length, 1e-3);
         assert_eq!(spec.rows.unwrap().value.as_str(), "0:400");
         assert_eq!(spec.holdout.unwrap().rows, [0, 7]);
-        assert_eq!(spec.loss, LossSpec::Trivial);
+        assert_eq!(spec.loss, Loss::Trivial);
 
         let spec = read("kind = 'known-plane'\nplane = { normal = [0, 0, 2], distance = '4 mm' }");
         let plane = PlaneSpec::NormalDistance {
@@ -436,11 +428,7 @@ mod tests {
                 "no rotation",
             ),
             ("pose", "sigma = [1, 2]", "expected a number"),
-            (
-                "pose",
-                "loss = 'cauchy(1)'",
-                "\"trivial\" or \"huber(1.5)\"",
-            ),
+            ("pose", "loss = 'cauchi(1)'", "`geman-mcclure` or `barron`"),
             ("pose", "loss = 1", "expected a text"),
             ("pose", "target_guess = [0, 0, 0]", "there is no `target`"),
             ("pose", "target_guess = [0, 0]\ntarget = 's'", "list of 2"),

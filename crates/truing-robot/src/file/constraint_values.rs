@@ -1,7 +1,7 @@
 //! The values of the keys of a `[[constraint]]` table, each with its own rules.
 
-use super::constraint_spec::{DistanceSpec, Holdout, Kind, LossSpec, PlaneSpec, SigmaSpec};
-use super::error::{InputError, ValueError, short, suggest};
+use super::constraint_spec::{DistanceSpec, Holdout, Kind, PlaneSpec, SigmaSpec};
+use super::error::{InputError, short, suggest};
 use super::item::Item;
 use super::quantity::{Dimension, Quantity, Units};
 use super::section::{Section, Spanned};
@@ -66,45 +66,6 @@ pub(super) fn sigma(item: &Item<'_>, kind: Kind, units: &Units) -> Result<SigmaS
     };
     table.finish()?;
     Ok(sigma)
-}
-
-/// `"trivial"` or `"huber(1.5)"`.
-pub(super) fn loss(item: &Item<'_>) -> Result<LossSpec, InputError> {
-    let text = item.string()?.value;
-    parse_loss(&text).map_err(|error| item.refuse(error))
-}
-
-fn parse_loss(text: &str) -> Result<LossSpec, ValueError> {
-    let (name, width) = match text.trim().split_once('(') {
-        Some((name, rest)) => (name.trim(), Some(rest)),
-        None => (text.trim(), None),
-    };
-    match (name, width) {
-        ("trivial", None) => Ok(LossSpec::Trivial),
-        ("huber", Some(rest)) => {
-            let width = rest.trim_end().strip_suffix(')').map(str::trim);
-            match width.and_then(|width| width.parse::<f64>().ok()) {
-                Some(width) if width.is_finite() && width > 0.0 => Ok(LossSpec::Huber(width)),
-                _ => Err(ValueError::new(format!(
-                    "found `{}`; expected a positive number of sigmas between the parentheses",
-                    short(text)
-                ))
-                .with_help("write \"huber(1.5)\"")),
-            }
-        }
-        ("huber", None) => Err(ValueError::new(
-            "found `huber` without its width; expected like \"huber(1.5)\"",
-        )
-        .with_help("write how many sigmas count by their square: \"huber(1.5)\"")),
-        _ => Err(ValueError::new(format!(
-            "found `{}`; expected \"trivial\" or \"huber(1.5)\"",
-            short(text)
-        ))
-        .with_help(match name {
-            "trivial" => "write \"trivial\" without parentheses".to_owned(),
-            _ => suggest(name, &["trivial", "huber(1.5)"]),
-        })),
-    }
 }
 
 /// `robots = ["left", "right"]`.
@@ -383,32 +344,6 @@ pub(super) fn holdout(table: &mut Section<'_>) -> Result<Option<Holdout>, InputE
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn losses() {
-        assert_eq!(parse_loss("trivial"), Ok(LossSpec::Trivial));
-        assert_eq!(parse_loss(" huber( 1.5 ) "), Ok(LossSpec::Huber(1.5)));
-        for text in [
-            "",
-            "huber",
-            "huber(",
-            "huber()",
-            "huber(0)",
-            "huber(-1)",
-            "huber(nan)",
-            "huber(inf)",
-            "huber(1.5",
-            "huber(1.5))",
-            "cauchy(1)",
-            "trivial(1)",
-            "Huber(1)",
-        ] {
-            let error = parse_loss(text).unwrap_err();
-            assert!(error.help.is_some(), "{text}");
-        }
-        let error = parse_loss("cauchy(1)").unwrap_err();
-        assert!(error.message.contains("\"trivial\" or \"huber(1.5)\""));
-    }
 
     #[test]
     fn holdout_counts_modulo() {

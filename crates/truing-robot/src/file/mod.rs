@@ -10,6 +10,7 @@ mod error;
 mod estimate_spec;
 mod frame_row;
 mod item;
+mod loss;
 mod pattern;
 mod quantity;
 mod robot;
@@ -22,9 +23,7 @@ mod study;
 mod table;
 
 pub use calibration::{CalibrationFile, RobotRef};
-pub use constraint_spec::{
-    ConstraintSpec, DistanceSpec, Holdout, Kind, LossSpec, PlaneSpec, SigmaSpec,
-};
+pub use constraint_spec::{ConstraintSpec, DistanceSpec, Holdout, Kind, PlaneSpec, SigmaSpec};
 pub use error::{InputError, Source, ValueError, nearest};
 pub use estimate_spec::{BoundSpec, EstimateSpec, JacobianKind, SolverKind, StrategyKind};
 pub use frame_row::{Convention, FrameRow};

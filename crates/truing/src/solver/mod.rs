@@ -325,6 +325,11 @@ pub fn solve_from(
     settings: &Settings,
 ) -> Result<Solution, Error> {
     let outcome = run(problem, start.clone(), settings)?;
+    Ok(report(problem, start, outcome))
+}
+
+/// The solution that an outcome is, with every block's residuals and the outliers.
+pub(crate) fn report(problem: &Problem, start: &Values, outcome: Outcome<Values>) -> Solution {
     let blocks = problem
         .blocks()
         .enumerate()
@@ -342,7 +347,8 @@ pub fn solve_from(
             }
         })
         .collect();
-    Ok(Solution {
+    Solution {
+        outliers: problem.outliers(&outcome.point),
         values: outcome.point,
         termination: outcome.termination,
         cost: outcome.cost,
@@ -351,5 +357,5 @@ pub fn solve_from(
         evaluations: outcome.evaluations,
         limits: outcome.limits,
         blocks,
-    })
+    }
 }

@@ -49,7 +49,7 @@ impl Covariance {
         let basis = problem
             .step_bounds(x)
             .and_then(|bounds| inside(&lin, &problem.free(), &bounds));
-        Self::of(problem, lin, basis.as_ref())
+        Self::of(problem, x, lin, basis.as_ref())
     }
 
     /// The covariance of an estimate that can only move by δ = N y: Σ = N (NᵀJᵀJN)⁻¹ Nᵀ.
@@ -72,13 +72,14 @@ impl Covariance {
     ) -> Result<Self, Error> {
         let mut lin = Linearization::new(problem.structure());
         problem.linearize(x, &mut lin);
-        Self::of(problem, lin, basis)
+        Self::of(problem, x, lin, basis)
     }
 
     #[track_caller]
     fn of<P: LeastSquares>(
         problem: &P,
-        lin: Linearization,
+        x: &P::Point,
+        mut lin: Linearization,
         basis: Option<&DMatrix<f64>>,
     ) -> Result<Self, Error> {
         let free = problem.free();
@@ -169,6 +170,8 @@ impl Covariance {
             }
             Some(basis) => (basis * inverse).transpose(),
         };
+        // Under a robust loss the residual of the linearisation is longer than the weighted one.
+        problem.residual(x, &mut lin.residual);
         let squares: f64 = lin.residual.iter().map(|r| r * r).sum();
         let rows = lin.structure.rows;
         let sigma0 = match rows - k {

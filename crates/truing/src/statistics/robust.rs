@@ -20,13 +20,9 @@ pub struct Influence {
 impl Influence {
     /// Of a measurement with whitened residual r under a loss.
     pub fn of(loss: &Loss, r: &[f64]) -> Self {
-        // How ρ′ changes where s does, by a central difference: its error is of the order of 1e-10.
-        const STEP: f64 = 1e-6;
         let s: f64 = r.iter().map(|r| r * r).sum();
-        let first = |s| loss.evaluate(s).1;
-        let change = (first(s * (1.0 + STEP)) - first(s * (1.0 - STEP))) / (2.0 * STEP);
-        let second = if s > 0.0 { change / s } else { 0.0 };
-        Self::new(r.len(), s, first(s), second)
+        let (_, first, second) = loss.evaluate(s);
+        Self::new(r.len(), s, first, second)
     }
 
     /// Of a measurement with whitened residual r of `rows` rows, s = ‖r‖², from the first and second

@@ -12,6 +12,8 @@ use truing_robot::calibration::Status;
 mod arc;
 #[path = "../examples/bounds.rs"]
 mod bounds;
+#[path = "../examples/curve_fitting.rs"]
+mod curve_fitting;
 #[path = "../examples/custom_constraint.rs"]
 mod custom_constraint;
 #[path = "../examples/hello_world.rs"]
@@ -58,6 +60,20 @@ fn shares_with_limits_add_up_to_one_and_none_is_negative() {
 fn lbfgs_of_argmin_reaches_the_same_cost() {
     let [ours, theirs] = lbfgs::run(&mut Vec::new()).unwrap();
     assert_abs_diff_eq!(ours, theirs, epsilon = 1e-6 * ours);
+}
+
+#[test]
+fn the_fitted_curve_has_the_certified_parameters_and_standard_deviations() {
+    let result = curve_fitting::run(&mut Vec::new()).unwrap();
+    let certified = curve_fitting::CERTIFIED.iter();
+    for ((estimate, sigma), (b, s)) in result
+        .iter()
+        .zip(certified.zip(&curve_fitting::CERTIFIED_SIGMA))
+    {
+        // Eleven digits are certified.
+        assert_abs_diff_eq!(*estimate, *b, epsilon = 1e-10 * b);
+        assert_abs_diff_eq!(*sigma, *s, epsilon = 1e-10 * s);
+    }
 }
 
 #[test]

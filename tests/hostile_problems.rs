@@ -541,7 +541,10 @@ impl Constraint for Vanishing {
 fn a_minimum_at_infinity_is_not_reached() {
     for method in METHODS {
         let (problem, _) = with_x(&[0.0], [Vanishing]);
-        let solution = solve(&problem, method);
+        let mut settings = settings(method);
+        // A step adds about one to x: before x = 372 the square of the residual does not underflow.
+        settings.tolerances.max_iterations = 300;
+        let solution = truing::solve(&problem, &settings).unwrap();
         assert!(
             !solution.termination.converged(),
             "{}",

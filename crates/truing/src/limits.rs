@@ -187,13 +187,6 @@ impl Limits {
                 &mut coordinates[range.clone()],
             );
             if variable.flat {
-                for column in range {
-                    let (lower, upper) = self.bounds[column];
-                    let at = coordinates[column];
-                    let rounding = 4.0 * f64::EPSILON * at.abs();
-                    bounds.lower[column] = at_most_zero(lower - at, rounding);
-                    bounds.upper[column] = at_least_zero(upper - at, rounding);
-                }
                 continue;
             }
             let n = range.len();
@@ -217,6 +210,8 @@ impl Limits {
             }
             slopes[k] = Some(slope);
         }
+        // A component that a linear limit holds at its bound is there to the rounding of the sum.
+        let mut meeting = vec![0.0_f64; self.bounds.len()];
         for limit in &self.linear {
             let mut terms = Vec::new();
             let (mut value, mut size) = (0.0, 0.0_f64);
@@ -236,6 +231,10 @@ impl Limits {
                 }
             }
             let rounding = 8.0 * f64::EPSILON * size;
+            for (column, a) in &limit.terms {
+                let own = &mut meeting[*column];
+                *own = own.max(2.0 * rounding / a.abs().max(0.1));
+            }
             let (lower, upper) = (limit.lower - value, limit.upper - value);
             let (lower, upper) = if lower == upper {
                 let off = if lower.abs() <= rounding { 0.0 } else { lower };
@@ -252,6 +251,18 @@ impl Limits {
                 upper,
                 rounding,
             });
+        }
+        for (k, variable) in variables.iter().enumerate() {
+            if !self.limited[k] || !variable.flat {
+                continue;
+            }
+            for column in variable.tangent.clone() {
+                let (lower, upper) = self.bounds[column];
+                let at = coordinates[column];
+                let rounding = 4.0 * f64::EPSILON * at.abs() + meeting[column];
+                bounds.lower[column] = at_most_zero(lower - at, rounding);
+                bounds.upper[column] = at_least_zero(upper - at, rounding);
+            }
         }
         Some(bounds)
     }

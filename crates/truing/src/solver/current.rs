@@ -5,6 +5,13 @@ use crate::error::Error;
 use crate::least_squares::{LeastSquares, Linearization, StepBounds, check_finite};
 use crate::step::{Bounded, StepSolver, kkt};
 
+/// Times a column's norm that its scale may be before it fades.
+const STALE: f64 = 1e6;
+/// A relative decrease below which the difference of two costs is rounding in any case.
+const ROUNDING: f64 = 1e-12;
+/// What is left of a stale scale after a step.
+const FADING: f64 = 0.9;
+
 /// The linearisation at the current point, with its memory. Not kept in a checkpoint: made again.
 #[derive(Clone)]
 pub(super) struct Current {
@@ -15,6 +22,8 @@ pub(super) struct Current {
     /// What the last bits of x change in r, at most: 8 ε times the longest column, each times the size
     /// of what it moves.
     pub rounding: f64,
+    /// What the scales seen before still count at the next look: one, unless a step says otherwise.
+    pub fading: f64,
 }
 
 impl Current {
@@ -37,6 +46,7 @@ impl Current {
             free,
             bounds: None,
             rounding: 0.0,
+            fading: 1.0,
         };
         current.linearize(problem, x);
         check_finite(problem, &current.lin, &current.free)?;
@@ -56,8 +66,19 @@ impl Current {
         self.lin.cost == 0.0 || (self.lin.cost.is_finite() && self.free.iter().all(finite))
     }
 
-    /// Updates the column scales to the largest norms seen, factors, and looks whether this is it:
-    /// the gradient is zero but for what active limits hold, or the residual is.
+    /// The part of the cost that is rounding: r is known to what the last bits of x change in it.
+    pub fn noise(&self) -> f64 {
+        let residual = (2.0 * self.lin.cost).sqrt();
+        (2.0 * self.rounding / residual).clamp(ROUNDING, 1.0)
+    }
+
+    /// Updates the column scales, factors, and looks whether this is it: the gradient is zero
+    /// but for what active limits hold, or the residual is.
+    ///
+    /// Scales are the largest norms seen (Moré), but not for ever: columns seen where the cost was
+    /// larger count as much less as the residual has shrunk since (`fading`), and those a million times
+    /// longer than now fade with every step. Else far starts of polynomials and exponentials, whose
+    /// columns shrink by any factor, stay damped by where they came from.
     pub fn look<O: LeastSquares>(
         &mut self,
         problem: &O,
@@ -74,11 +95,13 @@ impl Current {
         for ((scale, column), gradient) in scale.iter_mut().zip(&self.free).zip(gradient) {
             let length = self.lin.column_norm(*column);
             longest = longest.max(length * sizes[*column]);
-            *scale = scale.max(length);
+            let stale = if *scale > STALE * length { FADING } else { 1.0 };
+            *scale = length.max(self.fading * stale * *scale);
             if length > 0.0 && norm > 0.0 {
                 cosine = cosine.max(gradient.abs() / length / norm);
             }
         }
+        self.fading = 1.0;
         step.factor(&self.lin, &self.free, &positive(scale));
         let rounding = 8.0 * f64::EPSILON * longest;
         self.rounding = rounding;

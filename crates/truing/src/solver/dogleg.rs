@@ -1,7 +1,8 @@
 //! Powell's dogleg.
 
 use super::current::Current;
-use super::finish::{ROUNDING, UNDAMPED, exhausted, polished};
+use super::finish::{exhausted, polished};
+use super::polish::UNDAMPED;
 use super::stop::{Termination, Tolerances};
 use super::{Evaluations, Explains, SolverState};
 use crate::least_squares::{LeastSquares, StepBounds};
@@ -271,6 +272,7 @@ where
         let damping = if damping.is_finite() { damping } else { 1.0 };
         if accepted {
             self.path = None;
+            current.fading = (trial_cost / cost).sqrt();
             self.termination = problem.problem("describe_count", |p| {
                 Ok(current.look(p, &trial, &mut self.scale, &mut self.step, &self.tolerances))
             })?;
@@ -288,7 +290,8 @@ where
                 );
             }
         } else {
-            let rounding = decrease.abs() <= ROUNDING * cost || relative <= self.tolerances.step;
+            let rounding =
+                decrease.abs() <= current.noise() * cost || relative <= self.tolerances.step;
             let tiny = before.is_nan() || relative <= f64::EPSILON * self.tolerances.step;
             if rounding || tiny {
                 self.termination = exhausted(
@@ -312,9 +315,12 @@ where
             problem,
             &mut self.step,
             self.termination.as_ref(),
+            damping,
             x,
             &mut current,
+            &mut self.scale,
             &mut self.evaluations,
+            &self.tolerances,
         )?;
         self.current = Some(current);
         Ok((state.param(x).cost(cost), Some(metrics)))

@@ -2,18 +2,11 @@
 
 use super::Evaluations;
 use super::current::{Current, positive};
+use super::polish::{UNDAMPED, polish};
 use super::stop::{Termination, Tolerances};
 use crate::least_squares::LeastSquares;
 use crate::step::{Bounded, StepSolver};
 use argmin::core::Problem;
-
-/// A relative decrease below which the difference of two costs is rounding.
-pub(super) const ROUNDING: f64 = 1e-12;
-/// A step this short relative to the point may be taken unseen.
-const SHORT: f64 = 1e-6;
-/// The damping of a step that stands for the undamped one: a column that depends on others but for
-/// rounding, ε of its length, promises ε² / λ = ε of the cost with it, and without it anything.
-pub(super) const UNDAMPED: f64 = f64::EPSILON;
 
 /// Whether nothing is left to be gained, seen from a trial that gained nothing: the undamped step
 /// promises rounding only or is down to it; or, where J is singular and the undamped step promises
@@ -47,15 +40,13 @@ fn exhausted_here<S: StepSolver>(
     tolerances: &Tolerances,
 ) -> Option<Termination> {
     let cost = current.lin.cost.max(f64::MIN_POSITIVE);
-    let mut promises = [
-        (UNDAMPED, tolerances.cost.max(ROUNDING)),
-        (lambda.min(1.0), tolerances.cost),
-    ]
-    .into_iter();
-    promises.find_map(|(lambda, tolerance)| {
+    let least = tolerances.cost.max(current.noise());
+    let mut dampings = [UNDAMPED, lambda.min(1.0)].into_iter();
+    dampings.find_map(|lambda| {
         let step = step.step(lambda, current.bounds.as_ref()).ok()?;
         let value = step.predicted / cost;
-        if value <= tolerance {
+        if value <= least {
+            let tolerance = least;
             return Some(Termination::Cost { value, tolerance });
         }
         let value = step.length() / (size + tolerances.step);
@@ -64,18 +55,17 @@ fn exhausted_here<S: StepSolver>(
     })
 }
 
-/// The point after the undamped step, and its cost, where the solver has converged and the step is
-/// too short to be seen in the cost; otherwise the point as it is.
-///
-/// Where the cost is flat to rounding the gradient is not zero yet: a cost that is right to its last
-/// bit leaves the point wrong by the root of that.
+/// The converged point with its last digits, and its cost; any other point as it is.
 pub(super) fn polished<O: LeastSquares, S: StepSolver>(
     problem: &mut Problem<O>,
     step: &mut Bounded<S>,
     termination: Option<&Termination>,
+    lambda: f64,
     x: O::Point,
     current: &mut Current,
+    scale: &mut Vec<f64>,
     evaluations: &mut Evaluations,
+    tolerances: &Tolerances,
 ) -> Result<(O::Point, f64), argmin::core::Error> {
     let cost = current.lin.cost;
     let flat_out = matches!(
@@ -85,21 +75,13 @@ pub(super) fn polished<O: LeastSquares, S: StepSolver>(
     if !flat_out {
         return Ok((x, cost));
     }
-    let Ok(step) = step.step(UNDAMPED, current.bounds.as_ref()) else {
-        return Ok((x, cost));
-    };
-    let (trial, trial_cost, size) = problem.problem("residual_count", |p| {
-        let trial = p.plus(&x, &step.delta);
-        let cost = p.residual(&trial, &mut current.trial_residual);
-        Ok((trial, cost, p.norm(&x)))
+    let noise = current.noise();
+    let polished = problem.problem("linearize_count", |p| {
+        Ok(polish(
+            p, &x, lambda, noise, current, scale, step, tolerances,
+        ))
     })?;
-    evaluations.residual += 1;
-    let short = step.length() <= SHORT * (size + SHORT);
-    // A cost that is higher by rounding would not be taken for the best: keep the lower one.
-    let flat = trial_cost - cost <= ROUNDING * cost;
-    Ok(if short && flat {
-        (trial, trial_cost.min(cost))
-    } else {
-        (x, cost)
-    })
+    evaluations.jacobian += polished.jacobians;
+    // A cost that is higher by rounding would not be taken for the best: the lower one is told.
+    Ok((polished.point.unwrap_or(x), current.lin.cost.min(cost)))
 }

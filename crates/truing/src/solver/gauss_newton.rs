@@ -1,7 +1,7 @@
 //! Gauss–Newton.
 
 use super::current::Current;
-use super::finish::{ROUNDING, exhausted};
+use super::finish::exhausted;
 use super::stop::{Termination, Tolerances};
 use super::{Evaluations, Explains, SolverState};
 use crate::least_squares::LeastSquares;
@@ -109,7 +109,7 @@ impl<S: StepSolver> GaussNewton<S> {
             self.evaluations.residual += 1;
             if trial <= cost + ARMIJO * length * slope {
                 // What a short step promises may be less than the rounding of the cost: nothing fell.
-                let seen = length == 1.0 || -length * slope > ROUNDING * cost;
+                let seen = length == 1.0 || -length * slope > current.noise() * cost;
                 return Ok(seen.then_some(length));
             }
             let shorter = -0.5 * slope * length * length / (trial - cost - slope * length);

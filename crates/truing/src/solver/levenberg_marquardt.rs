@@ -1,6 +1,7 @@
 //! Levenberg–Marquardt.
 
 use super::current::Current;
+use super::finish::{exhausted, polished};
 use super::stop::{Termination, Tolerances};
 use super::{Evaluations, Explains, SolverState};
 use crate::least_squares::LeastSquares;
@@ -10,14 +11,19 @@ use argmin::core::{KV, Problem, Solver, TerminationStatus};
 use argmin::kv;
 use serde::{Deserialize, Serialize};
 
-/// Levenberg–Marquardt: min ½‖Jδ + r‖² + ½λ‖Dδ‖², D the largest column norms seen so far.
+/// Levenberg–Marquardt: min ½‖Jδ + r‖² + ½λ‖Dδ‖², D the largest column norms seen so far, faded as
+/// the residual has shrunk since.
 ///
 /// One iteration is one trial step. The gain ratio, actual over predicted decrease, is that of the
 /// undamped model over the free columns under bounds, so without robust losses it tends to one at
 /// every regular minimum. A trial whose cost or Jacobian is not finite is a rejected step.
 ///
 /// Where a trial gained less than promised, the next one bends with the valley: a second-order
-/// correction for one more residual (geodesic acceleration; not where a limit is active or losses are robust).
+/// correction for one more residual (geodesic acceleration; not where a limit is active or losses are robust). A step
+/// longer than the point itself, ‖Dδ‖ > ‖Dx‖, is only taken where that correction is small.
+///
+/// It ends with a few steps that the cost is too flat to see, each judged by the next: the point has
+/// the digits that its equations give it, not half of them.
 ///
 /// # Requirements
 /// The problem implements [`LeastSquares`]; argmin's executor drives it
@@ -39,6 +45,8 @@ pub struct LevenbergMarquardt<S = Qr> {
     /// Whether the last trial gained less than the linear model promised: the path bends.
     curved: bool,
     scale: Vec<f64>,
+    /// Size of the largest point seen: what the length of a last step is compared to.
+    size: f64,
     evaluations: Evaluations,
     termination: Option<Termination>,
     #[serde(skip, default)]
@@ -48,15 +56,10 @@ pub struct LevenbergMarquardt<S = Qr> {
 }
 
 const INITIAL_LAMBDA: f64 = 1e-4;
-const MIN_LAMBDA: f64 = 1e-20;
+const MIN_LAMBDA: f64 = 1e-30;
 const MAX_LAMBDA: f64 = 1e24;
-/// A relative decrease below which the difference of two costs is rounding.
-const ROUNDING: f64 = 1e-12;
-/// A step this short relative to the point may be taken unseen.
-const SHORT: f64 = 1e-6;
-/// The damping of a step that stands for the undamped one: a column that depends on others but for
-/// rounding, ε of its length, promises ε² / λ = ε of the cost with it, and without it anything.
-const UNDAMPED: f64 = f64::EPSILON;
+/// Times its own size that a component may move without a look at the second order.
+const FAR: f64 = 100.0;
 
 impl LevenbergMarquardt {
     /// With the default tolerances and dense QR.
@@ -80,6 +83,7 @@ impl<S: StepSolver> LevenbergMarquardt<S> {
             raise: 2.0,
             curved: false,
             scale: Vec::new(),
+            size: 0.0,
             evaluations: Evaluations::default(),
             termination: None,
             step: Bounded::new(step),
@@ -101,66 +105,41 @@ impl<S: StepSolver> LevenbergMarquardt<S> {
         self
     }
 
-    /// Where the cost is flat to rounding the gradient is not zero yet: a cost that is right to its
-    /// last bit leaves the point wrong by the root of that. The undamped step, whose promise is too
-    /// small to be seen in the cost, is taken unseen if it is short.
+    /// Whether a step goes farther than what x itself is: ‖Dδ‖ > ‖Dx‖, or, for what r hardly sees here,
+    /// a component a hundred times its own size (zero has none).
+    fn leaps(&self, current: &Current, step: &Step, sizes: &[f64]) -> bool {
+        let columns = || current.free.iter().zip(&self.scale);
+        let squares = columns().map(|(column, scale)| (scale * sizes[*column]).powi(2));
+        let far = |(column, _): (&usize, &f64)| {
+            sizes[*column] > 0.0 && step.delta[*column].abs() > FAR * sizes[*column]
+        };
+        step.scaled_norm > squares.sum::<f64>().sqrt() || columns().any(far)
+    }
+}
+
+impl<S: StepSolver> LevenbergMarquardt<S> {
+    fn exhausted(&mut self, current: &Current, size: f64) -> Option<Termination> {
+        let (step, scale) = (&mut self.step, &self.scale);
+        exhausted(step, self.lambda, current, scale, size, &self.tolerances)
+    }
+
     fn polished<O: LeastSquares>(
         &mut self,
         problem: &mut Problem<O>,
         x: O::Point,
         current: &mut Current,
     ) -> Result<(O::Point, f64), argmin::core::Error> {
-        let cost = current.lin.cost;
-        let flat_out = matches!(
-            self.termination,
-            Some(
-                Termination::Cost { .. } | Termination::Step { .. } | Termination::Gradient { .. }
-            )
-        );
-        if !flat_out {
-            return Ok((x, cost));
-        }
-        let Ok(step) = self.step.step(UNDAMPED, current.bounds.as_ref()) else {
-            return Ok((x, cost));
-        };
-        let (trial, trial_cost, size) = problem.problem("residual_count", |p| {
-            let trial = p.plus(&x, &step.delta);
-            let cost = p.residual(&trial, &mut current.trial_residual);
-            Ok((trial, cost, p.norm(&x)))
-        })?;
-        self.evaluations.residual += 1;
-        let short = step.length() <= SHORT * (size + SHORT);
-        // A cost that is higher by rounding would not be taken for the best: keep the lower one.
-        let flat = trial_cost - cost <= ROUNDING * cost;
-        Ok(if short && flat {
-            (trial, trial_cost.min(cost))
-        } else {
-            (x, cost)
-        })
-    }
-
-    /// Whether nothing is left to be gained, seen from a trial that gained nothing: the undamped
-    /// step promises rounding only or is down to it; or, where J is singular and the undamped step
-    /// promises what curvature forbids, the damped one promises less than the tolerance. There the
-    /// damping counts up to the length of the columns: beyond, any step is small.
-    fn exhausted(&mut self, current: &Current, size: f64) -> Option<Termination> {
-        let cost = current.lin.cost.max(f64::MIN_POSITIVE);
-        let mut promises = [
-            (UNDAMPED, self.tolerances.cost.max(ROUNDING)),
-            (self.lambda.min(1.0), self.tolerances.cost),
-        ]
-        .into_iter();
-        promises.find_map(|(lambda, tolerance)| {
-            let step = self.step.step(lambda, current.bounds.as_ref()).ok()?;
-            let value = step.predicted / cost;
-            if value <= tolerance {
-                return Some(Termination::Cost { value, tolerance });
-            }
-            let value = step.length() / (size + self.tolerances.step);
-            let tolerance = self.tolerances.step;
-            (lambda == UNDAMPED && value <= tolerance)
-                .then_some(Termination::Step { value, tolerance })
-        })
+        polished(
+            problem,
+            &mut self.step,
+            self.termination.as_ref(),
+            self.lambda,
+            x,
+            current,
+            &mut self.scale,
+            &mut self.evaluations,
+            &self.tolerances,
+        )
     }
 }
 
@@ -226,20 +205,18 @@ impl<S: StepSolver> LevenbergMarquardt<S> {
                 .sqrt()
         };
         let ratio = 2.0 * scaled(&correction) / scaled(&step.delta);
-        (ratio <= BEND)
-            .then(|| Bent {
-                delta: step
-                    .delta
-                    .iter()
-                    .zip(&correction)
-                    .map(|(v, a)| v + 0.5 * a)
-                    .collect(),
-                ratio,
-            })
-            .filter(|bent| {
-                let bounds = current.bounds.as_ref();
-                bounds.is_none_or(|bounds| bounds.hold(&bent.delta))
-            })
+        let bent = |part: f64| -> Vec<f64> {
+            let along = step.delta.iter().zip(&correction);
+            along.map(|(v, a)| v + part * a).collect()
+        };
+        // Where the bent step would leave the limits the straight one is as good as the next.
+        let keeps = |delta: &[f64]| (current.bounds.as_ref()).is_none_or(|b| b.hold(delta));
+        (ratio <= BEND).then(|| Bent {
+            delta: Some(bent(0.5))
+                .filter(|delta| keeps(delta))
+                .unwrap_or_else(|| step.delta.clone()),
+            ratio,
+        })
     }
 }
 
@@ -311,8 +288,12 @@ where
                 Some(kv!("lambda" => self.lambda;)),
             ));
         };
-        let bendable = self.curved && !step.limited;
-        let bendable = problem.problem("describe_count", |p| Ok(bendable && !p.is_robust()))?;
+        let limited = step.limited;
+        let (straight, size, sizes) = problem.problem("describe_count", |p| {
+            Ok((limited || p.is_robust(), p.norm(&x), p.sizes(&x)))
+        })?;
+        let leap = self.leaps(&current, &step, &sizes);
+        let bendable = !straight && (self.curved || leap);
         let bend = if bendable {
             self.evaluations.residual += 1;
             problem.problem("residual_count", |p| {
@@ -321,12 +302,24 @@ where
         } else {
             None
         };
-        let (trial, trial_cost, size) = problem.problem("residual_count", |p| {
+        if bendable && leap && bend.is_none() && self.lambda < MAX_LAMBDA {
+            // Far, and off the series: a lower cost there is luck, and often a plateau from which nothing
+            // leads back.
+            self.reject();
+            self.curved = true;
+            self.current = Some(current);
+            let relative = step.length() / (size + self.tolerances.step);
+            let metrics = kv!("lambda" => self.lambda; "gain" => 0.0; "step" => relative;);
+            return Ok((state.param(x).cost(cost), Some(metrics)));
+        }
+        let (trial, trial_cost) = problem.problem("residual_count", |p| {
             let trial = p.plus(&x, bend.as_ref().map_or(&step.delta, |bend| &bend.delta));
             let cost = p.residual(&trial, &mut current.trial_residual);
-            Ok((trial, cost, p.norm(&x)))
+            Ok((trial, cost))
         })?;
         self.evaluations.residual += 1;
+        self.size = self.size.max(size);
+        let size = self.size;
 
         let decrease = cost - trial_cost;
         let gain = decrease / step.predicted;
@@ -357,6 +350,7 @@ where
             };
             self.lambda = (self.lambda * shrink).max(MIN_LAMBDA);
             self.raise = 2.0;
+            current.fading = (trial_cost / cost).sqrt();
             self.termination = problem.problem("describe_count", |p| {
                 Ok(current.look(p, &trial, &mut self.scale, &mut self.step, &self.tolerances))
             })?;
@@ -371,7 +365,8 @@ where
             self.current = Some(current);
             Ok((state.param(trial).cost(cost), Some(metrics)))
         } else {
-            let rounding = decrease.abs() <= ROUNDING * cost || relative <= self.tolerances.step;
+            let rounding =
+                decrease.abs() <= current.noise() * cost || relative <= self.tolerances.step;
             if rounding || self.lambda >= MAX_LAMBDA {
                 self.termination = self.exhausted(&current, size);
             }

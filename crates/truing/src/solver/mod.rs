@@ -7,6 +7,7 @@ mod finish;
 mod gauss_newton;
 mod levenberg_marquardt;
 mod multi_start;
+mod polish;
 mod stop;
 
 pub use dogleg::Dogleg;

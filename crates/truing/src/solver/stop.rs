@@ -7,11 +7,12 @@ use serde::{Deserialize, Serialize};
 pub struct Tolerances {
     /// Largest cosine of the angle between r and a free column of J: ‖Jᵢᵀr‖ / (‖Jᵢ‖ ‖r‖). Default 1e-12.
     pub gradient: f64,
-    /// Relative decrease of the cost, both achieved and predicted. Default 1e-14.
+    /// Relative decrease of the cost, both achieved and predicted; where the cost is known to fewer digits
+    /// than this, what rounding leaves of it. Default 1e-14.
     pub cost: f64,
     /// Step relative to the point: ‖δ‖ ≤ step · (‖x‖ + step). Default 1e-14.
     pub step: f64,
-    /// Most iterations (trial steps). Default 500.
+    /// Most iterations (trial steps). Default 2000.
     pub max_iterations: u64,
 }
 
@@ -21,7 +22,7 @@ impl Default for Tolerances {
             gradient: 1e-12,
             cost: 1e-14,
             step: 1e-14,
-            max_iterations: 500,
+            max_iterations: 2000,
         }
     }
 }

@@ -110,8 +110,16 @@ impl Limits {
                 worst = Some((excess, limit, side));
             }
         };
+        // Where rows and bounds meet in one point they agree to rounding only, and components are
+        // clipped in the end.
+        let mut meeting = vec![0.0_f64; y.len()];
+        for row in &self.rows {
+            for (k, a) in &row.terms {
+                meeting[*k] = meeting[*k].max(2.0 * row.rounding(y) / a.abs().max(0.1));
+            }
+        }
         for k in 0..y.len() {
-            let rounding = 4.0 * f64::EPSILON * y[k].abs();
+            let rounding = 4.0 * f64::EPSILON * y[k].abs() + meeting[k];
             look(
                 y[k] - self.upper[k],
                 rounding,
@@ -208,21 +216,57 @@ impl<S: StepSolver> Bounded<S> {
         let (data, size) = program(&self.solver.quadratic(), 0.0, &limits, Some(radius));
         let found = self.ball.solve(&data).ok_or(NoStep::Limits)?;
         // The cone's rows come last: (radius, y) in the cone, its multiplier (λ radius, −λ y).
-        let lambda = (found.z[data.b.len() - self.free.len() - 1] / (radius / size)).max(0.0);
-        let mut y: Vec<f64> = found.x.iter().map(|x| x * size).collect();
-        let mut limited = true;
-        if lambda > 0.0
-            && let Ok((polished, by_limits)) = self.inside(lambda, &limits)
-            && norm(&polished) <= radius * (1.0 + 1e-6)
-        {
-            (y, limited) = (polished, by_limits);
-        }
+        let lambda = found.z[data.b.len() - self.free.len() - 1] / (radius / size);
+        let (mut y, limited) = self.of_length(radius, lambda, &limits)?;
         let length = norm(&y);
         if length > radius {
+            // Zero keeps all limits, and so does what lies between.
             y.iter_mut().for_each(|y| *y *= radius / length);
         }
-        shorten(&mut y, &limits);
         Ok(self.finished(y, bounds, limited))
+    }
+
+    /// The damped step inside the limits whose length is the radius, from about the right damping:
+    /// ‖y(λ)‖ falls with λ, and 1/‖y(λ)‖ is nearly straight (Moré & Sorensen 1983).
+    fn of_length(
+        &mut self,
+        radius: f64,
+        lambda: f64,
+        limits: &Limits,
+    ) -> Result<(Vec<f64>, bool), NoStep> {
+        let length = |y: &[f64]| y.iter().map(|y| y * y).sum::<f64>().sqrt();
+        let mut lambda = if lambda > 0.0 && lambda.is_finite() {
+            lambda
+        } else {
+            1.0
+        };
+        // (λ, 1/‖y‖ − 1/Δ) with too long and too short steps.
+        let (mut long, mut short): (Option<(f64, f64)>, Option<(f64, f64)>) = (None, None);
+        let mut best = self.inside(lambda, limits)?;
+        for _ in 0..MOST_DAMPINGS {
+            let norm = length(&best.0);
+            let off = 1.0 / norm - 1.0 / radius;
+            if (norm - radius).abs() <= 1e-9 * radius || norm == 0.0 {
+                break;
+            }
+            if norm > radius {
+                long = Some((lambda, off));
+            } else {
+                short = Some((lambda, off));
+            }
+            lambda = match (long, short) {
+                (Some((a, fa)), Some((b, fb))) => {
+                    let secant = a - fa * (b - a) / (fb - fa);
+                    let inside = secant > a + 0.01 * (b - a) && secant < b - 0.01 * (b - a);
+                    if inside { secant } else { (a * b).sqrt() }
+                }
+                (Some((a, _)), None) => a * (2.0 * norm / radius).max(2.0),
+                (None, Some((b, _))) => b * 0.1,
+                (None, None) => break,
+            };
+            best = self.inside(lambda, limits)?;
+        }
+        Ok(best)
     }
 
     /// The solution a of (JᵀJ + λD²) a = −g over the free columns, with the λ of the last step and
@@ -479,6 +523,9 @@ fn shorten(y: &mut [f64], limits: &Limits) {
         y.iter_mut().for_each(|y| *y *= length);
     }
 }
+
+/// Dampings tried at most for a step of a given length.
+const MOST_DAMPINGS: usize = 60;
 
 /// A limit farther than this, relative to the gradient, is as good as none to clarabel, whose
 /// equilibration it would spoil.

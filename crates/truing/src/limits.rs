@@ -2,7 +2,7 @@
 
 use crate::error::Error;
 use crate::least_squares::{LinearBound, Linearization, StepBounds, Structure};
-use crate::step::{Bounded, Qr};
+use crate::step::{AnyStep, Bounded};
 use crate::variable::{Values, Var, Variable, VariableSlot};
 use std::sync::Arc;
 
@@ -462,7 +462,7 @@ impl Limits {
         };
         let mut lin = Linearization::new(Arc::new(structure));
         lin.values.fill(1.0);
-        let mut steps = Bounded::new(Qr::default());
+        let mut steps = Bounded::new(AnyStep::default());
         steps.factor(&lin, &free, &vec![1.0; free.len()]);
         let step = steps.step(0.0, Some(&bounds)).ok()?;
         let moved: Vec<f64> = (0..n)

@@ -22,6 +22,10 @@ pub struct Solution {
     pub evaluations: Evaluations,
     /// The limits that are active, with their multipliers.
     pub limits: Vec<ActiveLimit>,
+    /// The linear algebra that made the steps: "dense QR".
+    pub linear_solver: &'static str,
+    /// Why it was that one: "40 columns".
+    pub linear_solver_reason: String,
     /// Every block's residuals before and after.
     pub blocks: Vec<BlockReport>,
     /// The measurements that robust losses have set aside, block after block.
@@ -55,6 +59,10 @@ impl std::fmt::Display for Solution {
             self.evaluations.residual,
             self.evaluations.jacobian
         )?;
+        if !self.linear_solver.is_empty() {
+            let (name, reason) = (self.linear_solver, &self.linear_solver_reason);
+            writeln!(f, "steps by {name}: {reason}")?;
+        }
         for (number, block) in self.blocks.iter().enumerate() {
             write!(
                 f,

@@ -262,6 +262,8 @@ fn unchanged(values: Values) -> Solution {
         iterations: 0,
         evaluations: truing::solver::Evaluations::default(),
         limits: Vec::new(),
+        linear_solver: "",
+        linear_solver_reason: String::new(),
         blocks: Vec::new(),
         outliers: Vec::new(),
     }

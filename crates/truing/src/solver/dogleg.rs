@@ -168,13 +168,17 @@ impl<S: StepSolver> Dogleg<S> {
     }
 }
 
-impl<S> Explains for Dogleg<S> {
+impl<S: StepSolver> Explains for Dogleg<S> {
     fn termination(&self) -> Option<Termination> {
         self.termination.clone()
     }
 
     fn evaluations(&self) -> Evaluations {
         self.evaluations
+    }
+
+    fn linear_solver(&self) -> (&'static str, String) {
+        self.step.described()
     }
 }
 

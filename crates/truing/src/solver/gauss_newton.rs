@@ -123,13 +123,17 @@ impl<S: StepSolver> GaussNewton<S> {
     }
 }
 
-impl<S> Explains for GaussNewton<S> {
+impl<S: StepSolver> Explains for GaussNewton<S> {
     fn termination(&self) -> Option<Termination> {
         self.termination.clone()
     }
 
     fn evaluations(&self) -> Evaluations {
         self.evaluations
+    }
+
+    fn linear_solver(&self) -> (&'static str, String) {
+        self.step.described()
     }
 }
 

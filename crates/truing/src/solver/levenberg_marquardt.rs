@@ -220,13 +220,17 @@ impl<S: StepSolver> LevenbergMarquardt<S> {
     }
 }
 
-impl<S> Explains for LevenbergMarquardt<S> {
+impl<S: StepSolver> Explains for LevenbergMarquardt<S> {
     fn termination(&self) -> Option<Termination> {
         self.termination.clone()
     }
 
     fn evaluations(&self) -> Evaluations {
         self.evaluations
+    }
+
+    fn linear_solver(&self) -> (&'static str, String) {
+        self.step.described()
     }
 }
 

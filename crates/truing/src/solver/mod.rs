@@ -20,7 +20,7 @@ use crate::error::Error;
 use crate::least_squares::{LeastSquares, Linearization};
 use crate::problem::Problem;
 use crate::solution::{BlockReport, Solution};
-use crate::step::{ActiveAt, Multiplier, Side, kkt};
+use crate::step::{ActiveAt, AnyStep, LinearSolver, Multiplier, Side, kkt};
 use crate::variable::Values;
 use argmin::core::observers::{Observe, ObserverMode};
 use argmin::core::{Executor, IterState, KV, Solver, State, TerminationReason, TerminationStatus};
@@ -59,6 +59,8 @@ pub struct Progress {
 pub struct Settings {
     /// Which solver.
     pub method: Method,
+    /// Which linear algebra makes its steps; chosen from the structure of J by default.
+    pub linear_solver: LinearSolver,
     /// When to stop.
     pub tolerances: Tolerances,
     /// Longest time; none by default.
@@ -87,6 +89,10 @@ pub trait Explains {
     fn termination(&self) -> Option<Termination>;
     /// Evaluations of the residual and of the Jacobian.
     fn evaluations(&self) -> Evaluations;
+    /// The linear algebra of its steps by name, and why it is that one; empty where it has none.
+    fn linear_solver(&self) -> (&'static str, String) {
+        ("", String::new())
+    }
 }
 
 /// How often the model was evaluated.
@@ -159,6 +165,10 @@ pub struct Outcome<P> {
     pub termination: Termination,
     /// The limits that are active there.
     pub limits: Vec<ActiveLimit>,
+    /// The linear algebra that made the steps.
+    pub linear_solver: &'static str,
+    /// Why it was that one, in words.
+    pub linear_solver_reason: String,
 }
 
 /// A limit that is active at a solution.
@@ -206,23 +216,24 @@ pub fn run<O: LeastSquares>(
     start: O::Point,
     settings: &Settings,
 ) -> Result<Outcome<O::Point>, Error> {
+    let steps = AnyStep::new(settings.linear_solver);
     match settings.method {
         Method::LevenbergMarquardt => run_with(
             problem,
             start,
-            LevenbergMarquardt::new().tolerances(settings.tolerances),
+            LevenbergMarquardt::with_step_solver(steps).tolerances(settings.tolerances),
             settings,
         ),
         Method::GaussNewton => run_with(
             problem,
             start,
-            GaussNewton::new().tolerances(settings.tolerances),
+            GaussNewton::with_step_solver(steps).tolerances(settings.tolerances),
             settings,
         ),
         Method::LineSearch => run_with(
             problem,
             start,
-            GaussNewton::new()
+            GaussNewton::with_step_solver(steps)
                 .line_search(true)
                 .tolerances(settings.tolerances),
             settings,
@@ -230,7 +241,7 @@ pub fn run<O: LeastSquares>(
         Method::Dogleg => run_with(
             problem,
             start,
-            Dogleg::new().tolerances(settings.tolerances),
+            Dogleg::with_step_solver(steps).tolerances(settings.tolerances),
             settings,
         ),
     }
@@ -293,6 +304,7 @@ where
     } else {
         (state.best_cost, state.best_param.or(state.param))
     };
+    let (linear_solver, linear_solver_reason) = solver.linear_solver();
     match point {
         Some(point) => Ok(Outcome {
             limits: active_limits(problem, &point),
@@ -302,6 +314,8 @@ where
             iterations,
             evaluations: solver.evaluations(),
             termination,
+            linear_solver,
+            linear_solver_reason,
         }),
         None => Err(Error::Executor("it returned no point".into())),
     }
@@ -357,6 +371,8 @@ pub(crate) fn report(problem: &Problem, start: &Values, outcome: Outcome<Values>
         iterations: outcome.iterations,
         evaluations: outcome.evaluations,
         limits: outcome.limits,
+        linear_solver: outcome.linear_solver,
+        linear_solver_reason: outcome.linear_solver_reason,
         blocks,
     }
 }

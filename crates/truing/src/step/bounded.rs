@@ -302,6 +302,12 @@ impl<S: StepSolver> Bounded<S> {
         self.finished(y, None, false)
     }
 
+    /// The name of the solver inside, and why it was chosen.
+    pub fn described(&self) -> (&'static str, String) {
+        let reason = self.solver.reason().unwrap_or_default();
+        (self.solver.name(), reason)
+    }
+
     /// The solver inside.
     pub fn solver(&self) -> &S {
         &self.solver

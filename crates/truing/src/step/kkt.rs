@@ -151,26 +151,52 @@ fn signed_multipliers(g: &[f64], limits: &[ActiveLimit]) -> Vec<f64> {
             })
             .collect();
     }
-    let mut passive: Vec<bool> = limits
-        .iter()
-        .map(|limit| limit.side == Side::Equal)
-        .collect();
-    let mut z = vec![0.0; limits.len()];
+    // A bound takes up whatever the rows leave of its component: only the rows need a factorisation,
+    // over the components without a passive bound.
     let solve = |passive: &[bool]| {
-        let chosen: Vec<usize> = (0..limits.len()).filter(|j| passive[*j]).collect();
-        let normals: Vec<&[(usize, f64)]> = chosen
-            .iter()
-            .map(|j| limits[*j].normal.as_slice())
-            .collect();
-        let some = least_multipliers(g, &normals, |_| true);
+        let is_bound = |j: usize| matches!(limits[j].at, ActiveAt::Column(_));
+        let chosen = || (0..limits.len()).filter(|j| passive[*j]);
+        let mut moving = vec![true; g.len()];
+        for j in chosen().filter(|j| is_bound(*j)) {
+            moving[limits[j].normal[0].0] = false;
+        }
+        let rows: Vec<usize> = chosen().filter(|j| !is_bound(*j)).collect();
+        let normals: Vec<&[(usize, f64)]> =
+            rows.iter().map(|j| limits[*j].normal.as_slice()).collect();
         let mut all = vec![0.0; limits.len()];
-        for (j, z) in chosen.iter().zip(some) {
+        let mut left = g.to_vec();
+        for (j, z) in rows
+            .iter()
+            .zip(least_multipliers(g, &normals, |k| moving[k]))
+        {
             all[*j] = z;
+            limits[*j]
+                .normal
+                .iter()
+                .for_each(|(k, a)| left[*k] += a * z);
+        }
+        for j in chosen().filter(|j| is_bound(*j)) {
+            let (k, a) = limits[j].normal[0];
+            all[j] = -left[k] / a;
         }
         all
     };
-    if passive.iter().any(|passive| *passive) {
+    // It starts from all limits at once and leaves out those that pull the wrong way, until none
+    // does: near a solution hardly any.
+    let mut passive = vec![true; limits.len()];
+    let mut z = solve(&passive);
+    loop {
+        let wrong = |j: usize| passive[j] && sign(limits[j].side) * z[j] < 0.0;
+        let wrong: Vec<usize> = (0..limits.len()).filter(|j| wrong(*j)).collect();
+        if wrong.is_empty() {
+            break;
+        }
+        wrong.iter().for_each(|j| passive[*j] = false);
         z = solve(&passive);
+    }
+    // Those that depend on others have none, and could only be in the way.
+    for j in 0..limits.len() {
+        passive[j] &= z[j] != 0.0 || limits[j].side == Side::Equal;
     }
     let size = g.iter().fold(0.0_f64, |size, g| size.max(g.abs()));
     for _ in 0..3 * limits.len() + 3 {
@@ -198,7 +224,9 @@ fn signed_multipliers(g: &[f64], limits: &[ActiveLimit]) -> Vec<f64> {
         // Inner loop: those that would change sign leave.
         for _ in 0..=limits.len() {
             let next = solve(&passive);
-            let against = |j: usize| passive[j] && sign(limits[j].side) * next[j] < 0.0;
+            let against = |j: usize| {
+                passive[j] && sign(limits[j].side) != 0.0 && sign(limits[j].side) * next[j] < 0.0
+            };
             let Some((length, leaving)) = (0..limits.len())
                 .filter(|j| against(*j))
                 .map(|j| (z[j] / (z[j] - next[j]), j))
@@ -223,7 +251,13 @@ pub(super) fn least_multipliers(
     normals: &[&[(usize, f64)]],
     moving: impl Fn(usize) -> bool,
 ) -> Vec<f64> {
-    let components: Vec<usize> = (0..g.len()).filter(|k| moving(*k)).collect();
+    // Components that no normal has add nothing: many columns with few limits stay cheap.
+    let mut components: Vec<usize> = (normals.iter())
+        .flat_map(|normal| normal.iter().map(|(k, _)| *k))
+        .filter(|k| moving(*k))
+        .collect();
+    components.sort_unstable();
+    components.dedup();
     let mut index = vec![None; g.len()];
     for (i, k) in components.iter().enumerate() {
         index[*k] = Some(i);

@@ -3,15 +3,29 @@
 //! A [`StepSolver`] is linear algebra: it factors J and solves for the step, with components held or
 //! linear equalities where asked. [`Bounded`] puts inequalities on top of any of them, by clarabel.
 
+mod any;
 mod bounded;
+mod cholesky;
+mod factored;
+mod jacobian;
 mod kkt;
+mod normal;
+mod null_space;
 mod program;
 mod qr;
+mod sparse_cholesky;
+mod sparse_qr;
+mod work;
 
+pub use any::{AnyStep, FEW_COLUMNS, LinearSolver, SPARSE};
 pub use bounded::Bounded;
+pub use cholesky::{Cholesky, DenseLlt};
+pub use factored::{Factored, REFINEMENTS};
 pub use kkt::{ActiveAt, Kkt, Multiplier, Side, kkt};
-pub(crate) use qr::null_space;
+pub(crate) use null_space::null_space;
 pub use qr::{Qr, triangle};
+pub use sparse_cholesky::{SparseCholesky, SparseLlt};
+pub use sparse_qr::{SparseQr, SparseTriangle};
 
 use crate::least_squares::Linearization;
 
@@ -106,4 +120,9 @@ pub trait StepSolver {
 
     /// Its name in reports.
     fn name(&self) -> &'static str;
+
+    /// Why it was chosen, in words; `None` where there was no choice.
+    fn reason(&self) -> Option<String> {
+        None
+    }
 }

@@ -1,5 +1,6 @@
 //! Steps by dense QR.
 
+use super::null_space::{NullSpace, null_space};
 use super::{Equalities, NoStep, Quadratic, StepSolver};
 use crate::least_squares::Linearization;
 use faer::Mat;
@@ -95,61 +96,6 @@ fn back_substitute(triangle: &Mat<f64>, n: usize) -> Result<Vec<f64>, (usize, f6
     Ok(y)
 }
 
-/// What is left to choose where rows C y = d must hold: y = y₀ + N w, with N orthonormal.
-pub(crate) struct NullSpace {
-    /// The shortest y with C y = d.
-    pub point: Vec<f64>,
-    /// N (components × dimensions left).
-    pub basis: Mat<f64>,
-    /// Q₁ and R of Cᵀ P = Q R over the rows that do not depend on others.
-    across: (Mat<f64>, Mat<f64>),
-    order: Vec<usize>,
-}
-
-impl NullSpace {
-    /// The shortest y with C y = d, d in the order of the rows.
-    fn reach(&self, right: &[f64]) -> Vec<f64> {
-        let (q, r) = &self.across;
-        let rank = r.ncols();
-        // Rᵀ (Q₁ᵀ y) = Pᵀ d.
-        let mut u = vec![0.0; rank];
-        for i in 0..rank {
-            let known: f64 = (0..i).map(|k| r[(k, i)] * u[k]).sum();
-            u[i] = (right[self.order[i]] - known) / r[(i, i)];
-        }
-        (0..q.nrows())
-            .map(|i| (0..rank).map(|k| q[(i, k)] * u[k]).sum())
-            .collect()
-    }
-}
-
-/// A row whose part across the rows before it is shorter than this, relative, depends on them.
-const DEPENDENT_ROW: f64 = 1e-11;
-
-/// The null space of `rows` (m × n), by QR with pivoting; dependent rows are left out.
-pub(crate) fn null_space(rows: &Mat<f64>, right: &[f64]) -> NullSpace {
-    let (m, n) = (rows.nrows(), rows.ncols());
-    let transposed = rows.transpose().to_owned();
-    let qr = transposed.col_piv_qr();
-    let (r, q) = (qr.thin_R(), qr.compute_Q());
-    let order = qr.P().arrays().0;
-    let largest = if m > 0 && n > 0 { r[(0, 0)].abs() } else { 0.0 };
-    let rank = (0..m.min(n))
-        .take_while(|k| r[(*k, *k)].abs() > DEPENDENT_ROW * largest)
-        .count();
-    let mut space = NullSpace {
-        point: Vec::new(),
-        basis: q.submatrix(0, rank, n, n - rank).to_owned(),
-        across: (
-            q.submatrix(0, 0, n, rank).to_owned(),
-            r.submatrix(0, 0, rank, rank).to_owned(),
-        ),
-        order: order.to_vec(),
-    };
-    space.point = space.reach(right);
-    space
-}
-
 /// The minimiser of ½‖R y + z‖² under the equalities, [R | z] an upper triangle.
 fn constrained(
     triangle: &Mat<f64>,
@@ -217,7 +163,7 @@ fn constrained(
     let missed: Vec<f64> = (d.iter().enumerate())
         .map(|(row, d)| d - (0..m).map(|k| c[(row, k)] * moved[k]).sum::<f64>())
         .collect();
-    let again = space.reach(&missed);
+    let again = space.fixed.reach(&missed);
     moved.iter_mut().zip(again).for_each(|(y, more)| *y += more);
     for (component, moved) in moving.iter().zip(moved) {
         y[*component] = moved;

@@ -18,10 +18,14 @@ use truing_robot::file::{CalibrationFile, RobotFile, SimulationFile, StudyFile};
 mod arc;
 #[path = "../examples/bounds.rs"]
 mod bounds;
+#[path = "../examples/curve_fitting.rs"]
+mod curve_fitting;
 #[path = "../examples/custom_constraint.rs"]
 mod custom_constraint;
 #[path = "../examples/kinds.rs"]
 mod kinds;
+#[path = "../examples/lbfgs.rs"]
+mod lbfgs;
 #[path = "../examples/mixed_constraints.rs"]
 mod mixed_constraints;
 #[path = "../examples/tool_uncertainty.rs"]
@@ -96,6 +100,8 @@ fn run(command: &str, folder: &Path, status: &mut i32) -> String {
             match *name {
                 "mixed_constraints" => drop(mixed_constraints::run(&mut out).unwrap()),
                 "bounds" => drop(bounds::run(&mut out).unwrap()),
+                "lbfgs" => drop(lbfgs::run(&mut out).unwrap()),
+                "curve_fitting" => drop(curve_fitting::run(&mut out).unwrap()),
                 "kinds" => drop(kinds::run(&mut out).unwrap()),
                 "custom_constraint" => drop(custom_constraint::run(&mut out).unwrap()),
                 "arc" => drop(arc::run(&mut out).unwrap()),

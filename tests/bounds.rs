@@ -364,11 +364,13 @@ const METHODS: [Method; 4] = [
     Method::Dogleg,
 ];
 
+type Inside<'a> = Box<dyn Fn(&[f64]) -> bool + 'a>;
+
 /// A problem that sees to it that it is only ever evaluated where its limits hold.
 struct Watched<'a> {
     problem: &'a Problem,
     x: Var<Vector>,
-    inside: Box<dyn Fn(&[f64]) -> bool + 'a>,
+    inside: Inside<'a>,
 }
 
 impl LeastSquares for Watched<'_> {

@@ -1,5 +1,21 @@
 //! Solvers: Gauss–Newton, Levenberg–Marquardt and the dogleg as argmin `Solver`s, and [`solve`],
 //! which runs them.
+//!
+//! # How to choose
+//!
+//! | you have | take |
+//! | --- | --- |
+//! | no reason for another | [`LevenbergMarquardt`], the default: far starts, rank deficiency, limits, bent valleys |
+//! | a costly J, many rejected steps | [`Dogleg`]: a rejected step factors nothing |
+//! | a good start, and a published method to repeat | [`GaussNewton`]: full steps, no safeguard |
+//! | the same, and doubt about the start | [`GaussNewton`] with a line search: the cost never rises |
+//! | several minima | [`multi_start`] with a [`Budget`] |
+//! | gross errors | a [`Loss`](crate::Loss); a redescending one with [`solve_graduated`](crate::solve_graduated) |
+//! | a cost that is no sum of squares, too | argmin's own solvers: [`Problem`] implements its traits |
+//!
+//! Left out, because measuring them on the published suites spoke against it: nonmonotone acceptance
+//! (fewer trials, but MGH10 is lost) and bold acceptance of uphill steps (the same). Geodesic
+//! acceleration stays: without it BoxBOD and MGH10 are lost from their first starts.
 
 mod current;
 mod dogleg;

@@ -241,7 +241,8 @@ impl<S: StepSolver> Bounded<S> {
             1.0
         };
         // (λ, 1/‖y‖ − 1/Δ) with too long and too short steps.
-        let (mut long, mut short): (Option<(f64, f64)>, Option<(f64, f64)>) = (None, None);
+        let mut long: Option<(f64, f64)> = None;
+        let mut short: Option<(f64, f64)> = None;
         let mut best = self.inside(lambda, limits)?;
         for _ in 0..MOST_DAMPINGS {
             let norm = length(&best.0);

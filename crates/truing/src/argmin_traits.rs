@@ -22,14 +22,20 @@ impl CostFunction for Problem {
     }
 }
 
-/// r at x₀ ⊞ p, whitened and reweighted.
+/// r at x₀ ⊞ p, whitened; under robust losses the r̃ that goes with the Jacobian: Jᵀr̃ is the gradient.
 impl Operator for Problem {
     type Param = Vec<f64>;
     type Output = Vec<f64>;
 
     fn apply(&self, p: &Vec<f64>) -> Result<Vec<f64>, argmin::core::Error> {
+        let x = self.at(p)?;
+        if LeastSquares::is_robust(self) {
+            let mut lin = Linearization::new(self.structure());
+            self.linearize(&x, &mut lin);
+            return Ok(lin.residual);
+        }
         let mut r = vec![0.0; self.rows()];
-        self.residual(&self.at(p)?, &mut r);
+        self.residual(&x, &mut r);
         Ok(r)
     }
 }

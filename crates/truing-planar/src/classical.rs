@@ -3,12 +3,12 @@
 use std::sync::Arc;
 use truing::manifold::{Point3, Pose, Pose3, Vector};
 use truing::nalgebra::{Matrix3, SMatrix, Vector3};
-use truing::{Batch, Constraint, Jacobian, Noise, Point, Problem, Scalar, Views};
+use truing::{Constraint, Jacobian, Point, Scalar, Views};
 use truing_robot::Error;
-use truing_robot::calibration::{MeasurementSet, Parts};
-use truing_robot::constraint::{
-    Chain, reference_or_regressor, regressor_at, write_block, write_tip,
-};
+use truing_robot::kinds::pose_of;
+use truing_robot::measurement::Equations;
+use truing_robot::robot::Chain;
+use truing_robot::robot::chain::{reference_or_regressor, regressor_at, write_block, write_tip};
 
 /// The position error of the tool in frame −1: r = P(q) − S · measured \[m\], the upper half of Δy.
 ///
@@ -143,50 +143,26 @@ impl Constraint for ClassicalPose {
     }
 }
 
-pub(crate) fn add_positions(
-    set: &MeasurementSet,
-    points: &[Vector3<f64>],
-    parts: &Parts<'_>,
-    problem: &mut Problem,
-) -> Result<(), Error> {
-    let mut batch = Batch::new(set.name.clone()).loss(set.loss);
-    for (row, q) in set.q.iter().enumerate() {
+pub(crate) fn add_positions(on: &mut Equations<'_>) -> Result<(), Error> {
+    on.add(|on, row| {
+        let tool = &on.tools[0];
         let constraint = ClassicalPosition {
-            chain: parts.chain.clone(),
-            q: q.clone(),
-            measured: points[row],
+            chain: tool.chain.clone(),
+            q: on.q(0, row),
+            measured: Vector3::from_column_slice(on.values(row)),
         };
-        let noise = Noise::isotropic(set.sigma[row].position)?;
-        let variables = (parts.robot, parts.sensor, parts.target);
-        batch.push_with_noise(variables, constraint, noise);
-    }
-    problem.add_block(batch);
-    Ok(())
+        ((tool.robot, on.sensor, tool.point()), constraint)
+    })
 }
 
-pub(crate) fn add_poses(
-    set: &MeasurementSet,
-    poses: &[Pose<f64>],
-    parts: &Parts<'_>,
-    problem: &mut Problem,
-) -> Result<(), Error> {
-    let mut batch = Batch::new(set.name.clone()).loss(set.loss);
-    for (row, q) in set.q.iter().enumerate() {
+pub(crate) fn add_poses(on: &mut Equations<'_>) -> Result<(), Error> {
+    on.add(|on, row| {
+        let tool = &on.tools[0];
         let constraint = ClassicalPose {
-            chain: parts.chain.clone(),
-            q: q.clone(),
-            measured: poses[row],
+            chain: tool.chain.clone(),
+            q: on.q(0, row),
+            measured: pose_of(on.values(row)),
         };
-        let noise = rigid(set.sigma[row].position, set.sigma[row].rotation)?;
-        let variables = (parts.robot, parts.sensor, parts.target);
-        batch.push_with_noise(variables, constraint, noise);
-    }
-    problem.add_block(batch);
-    Ok(())
-}
-
-/// The noise of a row of six.
-pub(crate) fn rigid(position: f64, rotation: f64) -> Result<Noise, Error> {
-    let (p, r) = (position, rotation);
-    Ok(Noise::diagonal(&[p, p, p, r, r, r])?)
+        ((tool.robot, on.sensor, tool.point()), constraint)
+    })
 }

@@ -28,16 +28,12 @@ pub use plane::{Coefficients, CoefficientsUnknown, KnownCoefficients};
 pub use products::VectorProducts;
 
 use std::sync::Arc;
-use truing::manifold::Plane;
+use truing::Method as Solver;
 use truing::nalgebra::Vector3;
-use truing::{Method, Problem};
-use truing_robot::Error;
-use truing_robot::calibration::{
-    Calibration, Form, Measured, MeasurementSet, Parts, PlaneChart, Plugin,
-};
-use truing_robot::constraint::Derivatives;
-use truing_robot::file::Kind;
-use truing_robot::kinematics::DifferentiateChain;
+use truing_robot::kinds::KnownPlaneTouches;
+use truing_robot::measurement::{Chart, Equations, Kind, Method, Readings};
+use truing_robot::robot::{Derivatives, DifferentiateChain};
+use truing_robot::{Calibration, Error, Plugin};
 
 /// What this crate adds to calibration files.
 #[derive(Debug, Clone, Copy, Default)]
@@ -48,35 +44,8 @@ impl Plugin for Planar {
         Some(Arc::new(GeneralisedModel))
     }
 
-    fn methods(&self) -> Vec<(&'static str, Kind)> {
-        vec![
-            ("paper", Kind::Position),
-            ("paper", Kind::Pose),
-            ("paper", Kind::KnownPlane),
-            ("paper", Kind::UnknownPlane),
-            ("paper", Kind::SamePoint),
-            ("paper", Kind::SameLocation),
-            ("vector-products", Kind::UnknownPlane),
-            ("fixed-plane", Kind::KnownPlane),
-        ]
-    }
-
-    fn form(&self, method: &str, kind: Kind) -> Option<Arc<dyn Form>> {
-        let form: Arc<dyn Form> = match method {
-            "paper" => Arc::new(Paper),
-            "vector-products" => Arc::new(Products),
-            "fixed-plane" => Arc::new(FixedPlane),
-            _ => return None,
-        };
-        let known = self.methods().contains(&(form.name(), kind));
-        known.then_some(form)
-    }
-
-    fn fixed_plane(&self, method: &str) -> Option<Plane<f64>> {
-        (method == "fixed-plane").then(|| Plane {
-            normal: Vector3::z(),
-            distance: 0.0,
-        })
+    fn methods(&self) -> Vec<Arc<dyn Method>> {
+        vec![Arc::new(Paper), Arc::new(Products), Arc::new(FixedPlane)]
     }
 }
 
@@ -88,13 +57,14 @@ impl Plugin for Planar {
 /// Names the set that the paper has no equations for, and why.
 pub fn as_in_the_paper(mut calibration: Calibration) -> Result<Calibration, String> {
     for set in &mut calibration.sets {
-        let form: Arc<dyn Form> = Arc::new(Paper);
-        form.check(set)
+        let method: Arc<dyn Method> = Arc::new(Paper);
+        method
+            .check(&*set.kind, &set.readings)
             .map_err(|message| format!("`{}`: {message}", set.name))?;
-        set.form = Some(form);
+        set.method = Some(method);
     }
     calibration.estimate.derivatives = Derivatives::Regressor(Arc::new(GeneralisedModel));
-    calibration.estimate.settings.method = Method::GaussNewton;
+    calibration.estimate.settings.method = Solver::GaussNewton;
     Ok(calibration)
 }
 
@@ -102,45 +72,65 @@ pub fn as_in_the_paper(mut calibration: Calibration) -> Result<Calibration, Stri
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Paper;
 
-impl Form for Paper {
+impl Paper {
+    fn no_equation(kind: &dyn Kind) -> String {
+        format!("the paper has no equation for measurements of kind {}", kind.name())
+    }
+}
+
+impl Method for Paper {
     fn name(&self) -> &'static str {
         "paper"
     }
 
-    fn check(&self, set: &MeasurementSet) -> Result<(), String> {
-        match &set.measured {
-            Measured::KnownPlane(plane) => Coefficients::of(plane).map(|_| ()),
-            Measured::Distance { .. } => Err("the paper has no equation for distances".into()),
-            _ => Ok(()),
+    fn kinds(&self) -> &'static [&'static str] {
+        &[
+            "position",
+            "pose",
+            "known-plane",
+            "unknown-plane",
+            "same-point",
+            "same-location",
+        ]
+    }
+
+    fn check(&self, kind: &dyn Kind, readings: &Readings) -> Result<(), String> {
+        if !self.kinds().contains(&kind.name()) {
+            return Err(Self::no_equation(kind));
+        }
+        if kind.name() == "pose" && readings.tool().target.is_some() {
+            return Err("the paper has no body on the tool whose orientation is estimated".into());
+        }
+        match kind.downcast::<KnownPlaneTouches>() {
+            Some(touches) => Coefficients::of(&touches.plane).map(|_| ()),
+            None => Ok(()),
         }
     }
 
-    fn add(
-        &self,
-        set: &MeasurementSet,
-        parts: &Parts<'_>,
-        problem: &mut Problem,
-    ) -> Result<(), Error> {
-        match &set.measured {
-            Measured::Position(points) => classical::add_positions(set, points, parts, problem),
-            Measured::Pose(poses) => classical::add_poses(set, poses, parts, problem),
-            Measured::KnownPlane(plane) => plane::add_known(set, plane, parts, problem),
-            Measured::UnknownPlane(groups) => plane::add_unknown(set, groups, parts, problem),
-            Measured::SamePoint(groups) => links::add_points(set, groups, parts, problem),
-            Measured::SameLocation(groups) => links::add_locations(set, groups, parts, problem),
-            Measured::Distance { .. } => Err(Error::Calibration {
-                message: format!("`{}`: the paper has no equation for distances", set.name),
-                help: "leave `method` out".into(),
-            }),
+    fn equations(&self, kind: &dyn Kind, on: &mut Equations<'_>) -> Result<(), Error> {
+        match kind.name() {
+            "position" => classical::add_positions(on),
+            "pose" => classical::add_poses(on),
+            "unknown-plane" => plane::add_unknown(on),
+            "same-point" => links::add_points(on),
+            "same-location" => links::add_locations(on),
+            _ => match kind.downcast::<KnownPlaneTouches>() {
+                Some(touches) => plane::add_known(&touches.plane, on),
+                None => Err(Error::Calibration {
+                    message: format!("`{}`: {}", on.readings.name, Self::no_equation(kind)),
+                    help: "leave `method` out".into(),
+                }),
+            },
         }
     }
 
-    fn eliminates(&self, measured: &Measured) -> bool {
-        matches!(measured, Measured::SamePoint(_) | Measured::SameLocation(_))
+    fn eliminates(&self, kind: &dyn Kind) -> bool {
+        ["same-point", "same-location"].contains(&kind.name())
     }
 
-    fn chart(&self) -> Option<&dyn PlaneChart> {
-        Some(&Coefficients)
+    fn chart(&self, kind: &dyn Kind, _: &str) -> Option<Arc<dyn Chart>> {
+        let has = kind.name() == "unknown-plane";
+        has.then(|| Arc::new(Coefficients) as Arc<dyn Chart>)
     }
 }
 
@@ -148,31 +138,30 @@ impl Form for Paper {
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Products;
 
-impl Form for Products {
+impl Method for Products {
     fn name(&self) -> &'static str {
         "vector-products"
     }
 
-    fn check(&self, set: &MeasurementSet) -> Result<(), String> {
-        match &set.measured {
-            Measured::UnknownPlane(_) => Ok(()),
-            other => Err(format!(
-                "vector products are of touches of unknown planes, not of kind {}",
-                other.kind()
-            )),
+    fn kinds(&self) -> &'static [&'static str] {
+        &["unknown-plane"]
+    }
+
+    fn check(&self, kind: &dyn Kind, _: &Readings) -> Result<(), String> {
+        if kind.name() == "unknown-plane" {
+            return Ok(());
         }
+        Err(format!(
+            "vector products are of touches of unknown planes, not of kind {}",
+            kind.name()
+        ))
     }
 
-    fn add(
-        &self,
-        set: &MeasurementSet,
-        parts: &Parts<'_>,
-        problem: &mut Problem,
-    ) -> Result<(), Error> {
-        products::add(set, parts, problem)
+    fn equations(&self, _: &dyn Kind, on: &mut Equations<'_>) -> Result<(), Error> {
+        products::add(on)
     }
 
-    fn eliminates(&self, _: &Measured) -> bool {
+    fn eliminates(&self, _: &dyn Kind) -> bool {
         true
     }
 }
@@ -181,15 +170,19 @@ impl Form for Products {
 #[derive(Debug, Clone, Copy, Default)]
 pub struct FixedPlane;
 
-impl Form for FixedPlane {
+impl Method for FixedPlane {
     fn name(&self) -> &'static str {
         "fixed-plane"
     }
 
-    fn check(&self, set: &MeasurementSet) -> Result<(), String> {
-        match &set.measured {
-            Measured::KnownPlane(plane)
-                if plane.normal == Vector3::z() && plane.distance == 0.0 =>
+    fn kinds(&self) -> &'static [&'static str] {
+        &["known-plane"]
+    }
+
+    fn check(&self, kind: &dyn Kind, _: &Readings) -> Result<(), String> {
+        match kind.downcast::<KnownPlaneTouches>() {
+            Some(touches)
+                if touches.plane.normal == Vector3::z() && touches.plane.distance == 0.0 =>
             {
                 Ok(())
             }
@@ -197,12 +190,11 @@ impl Form for FixedPlane {
         }
     }
 
-    fn add(
-        &self,
-        set: &MeasurementSet,
-        parts: &Parts<'_>,
-        problem: &mut Problem,
-    ) -> Result<(), Error> {
-        plane::add_fixed(set, parts, problem)
+    fn equations(&self, _: &dyn Kind, on: &mut Equations<'_>) -> Result<(), Error> {
+        plane::add_fixed(on)
+    }
+
+    fn constants(&self) -> Option<Arc<dyn Kind>> {
+        Some(Arc::new(KnownPlaneTouches::default()))
     }
 }

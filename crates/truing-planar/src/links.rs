@@ -1,15 +1,15 @@
 //! Position link and frame link, reference 7 of the paper: the same point, or the same location,
 //! reached in different configurations, without any external sensor.
 
-use crate::classical::{orientation_error, orientation_error_by_turn, rigid};
+use crate::classical::{orientation_error, orientation_error_by_turn};
 use std::sync::Arc;
 use truing::manifold::{Point3, Vector};
 use truing::nalgebra::SMatrix;
-use truing::{Batch, Constraint, Jacobian, Noise, Point, Problem, Scalar, Views};
+use truing::{Constraint, Jacobian, Noise, Point, Scalar, Views};
 use truing_robot::Error;
-use truing_robot::calibration::{Groups, MeasurementSet, Parts};
-use truing_robot::constraint::{Chain, reference_or_regressor, write_block};
-use truing_robot::kinematics::Regressor;
+use truing_robot::measurement::{Equations, Groups};
+use truing_robot::robot::chain::{reference_or_regressor, write_block};
+use truing_robot::robot::{Chain, Regressor};
 
 /// The same point in two configurations: r = P(q_b) − P(q_a) \[m\].
 ///
@@ -126,44 +126,38 @@ fn pairs(groups: &Groups) -> impl Iterator<Item = (usize, usize)> + '_ {
         .filter(|(first, row)| first != row)
 }
 
-pub(crate) fn add_points(
-    set: &MeasurementSet,
-    groups: &Groups,
-    parts: &Parts<'_>,
-    problem: &mut Problem,
-) -> Result<(), Error> {
-    let mut batch = Batch::new(set.name.clone()).loss(set.loss);
-    for (a, b) in pairs(groups) {
+pub(crate) fn add_points(on: &mut Equations<'_>) -> Result<(), Error> {
+    let tool = on.tools[0].clone();
+    let sigma = |row: usize| on.readings.sigma.row(row)[0];
+    let constraints = pairs(&on.readings.groups).map(|(a, b)| {
         let constraint = PositionLink {
-            chain: parts.chain.clone(),
-            q_a: set.q[a].clone(),
-            q_b: set.q[b].clone(),
+            chain: tool.chain.clone(),
+            q_a: on.q(0, a),
+            q_b: on.q(0, b),
         };
-        let noise = Noise::isotropic(set.sigma[a].position.hypot(set.sigma[b].position))?;
-        batch.push_with_noise((parts.robot, parts.target), constraint, noise);
-    }
-    problem.add_block(batch);
+        let noise = Noise::isotropic(sigma(a).hypot(sigma(b)))?;
+        Ok(((tool.robot, tool.point()), constraint, noise))
+    });
+    let block = on.block(constraints)?;
+    on.problem.add_block(block);
     Ok(())
 }
 
-pub(crate) fn add_locations(
-    set: &MeasurementSet,
-    groups: &Groups,
-    parts: &Parts<'_>,
-    problem: &mut Problem,
-) -> Result<(), Error> {
-    let mut batch = Batch::new(set.name.clone()).loss(set.loss);
-    for (a, b) in pairs(groups) {
+pub(crate) fn add_locations(on: &mut Equations<'_>) -> Result<(), Error> {
+    let tool = on.tools[0].clone();
+    let sigma = |row: usize| on.readings.sigma.row(row);
+    let constraints = pairs(&on.readings.groups).map(|(a, b)| {
         let constraint = FrameLink {
-            chain: parts.chain.clone(),
-            q_a: set.q[a].clone(),
-            q_b: set.q[b].clone(),
+            chain: tool.chain.clone(),
+            q_a: on.q(0, a),
+            q_b: on.q(0, b),
         };
-        let position = set.sigma[a].position.hypot(set.sigma[b].position);
-        let rotation = set.sigma[a].rotation.hypot(set.sigma[b].rotation);
-        let noise = rigid(position, rotation)?;
-        batch.push_with_noise((parts.robot, parts.target), constraint, noise);
-    }
-    problem.add_block(batch);
+        let both = |k: usize| sigma(a)[k].hypot(sigma(b)[k]);
+        let (p, r) = (both(0), both(1));
+        let noise = Noise::diagonal(&[p, p, p, r, r, r])?;
+        Ok(((tool.robot, tool.point()), constraint, noise))
+    });
+    let block = on.block(constraints)?;
+    on.problem.add_block(block);
     Ok(())
 }

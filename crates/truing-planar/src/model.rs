@@ -3,7 +3,7 @@
 use truing::manifold::Pose;
 use truing::nalgebra::Vector3;
 use truing_robot::Robot;
-use truing_robot::kinematics::{
+use truing_robot::robot::{
     Convention, DifferentiateChain, JointKind, ParameterKind, Regressor, Twist,
 };
 

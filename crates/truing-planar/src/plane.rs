@@ -1,16 +1,16 @@
 //! Planes as a·x + b·y + c·z + 1 = 0, equations (6) to (12).
 
 use std::sync::Arc;
-use truing::manifold::{Plane, Point3, Vector};
+use truing::manifold::{Plane, Plane3, Point3, Vector};
 use truing::nalgebra::{DMatrix, DVector, SMatrix, Vector3};
-use truing::{Batch, Constraint, Jacobian, Noise, Point, Problem, Scalar, Views};
+use truing::{Constraint, Jacobian, Noise, Point, Scalar, Views};
 use truing_robot::Error;
-use truing_robot::calibration::{
-    Groups, MeasurementSet, Parts, PlaneChart, PlaneVar, best_fit_plane,
-};
-use truing_robot::constraint::{
-    Chain, KnownPlane, reference_or_regressor, regressor_at, write_block, write_tip,
-};
+use truing_robot::kinds::KnownPlane;
+use truing_robot::measurement::fit::best_fit_plane;
+use truing_robot::measurement::{At, Chart, Equations};
+use truing_robot::robot::chain::{reference_or_regressor, regressor_at, write_block, write_tip};
+use truing_robot::robot::{Chain, Unit};
+use truing_robot::unknown::Value;
 
 /// The coordinates (a, b, c) of the plane a·x + b·y + c·z + 1 = 0, equation (6).
 ///
@@ -39,29 +39,23 @@ impl Coefficients {
     }
 }
 
-impl PlaneChart for Coefficients {
+impl Coefficients {
     /// Equation (12): the least-squares solution of P·(a, b, c) = −1 over the touches P. Where it has
     /// none of its own (touches in one line), the plane of least distances.
-    fn fit(&self, touches: &[Vector3<f64>]) -> Plane<f64> {
+    pub fn fit(touches: &[Vector3<f64>]) -> Plane<f64> {
         let rows = DMatrix::from_fn(touches.len(), 3, |row, column| touches[row][column]);
         let svd = rows.svd(true, true);
         let (largest, smallest) = (svd.singular_values.max(), svd.singular_values.min());
         let ones = DVector::from_element(touches.len(), -1.0);
         match svd.solve(&ones, 0.0) {
-            Ok(x) if touches.len() >= 3 && smallest > 1e-12 * largest => self.plane(x.as_slice()),
+            Ok(x) if touches.len() >= 3 && smallest > 1e-12 * largest => Self::plane(x.as_slice()),
             _ => best_fit_plane(touches),
         }
     }
 
-    fn coordinates(&self, plane: &Plane<f64>) -> Result<[f64; 3], Error> {
-        Self::of(plane).map_err(|message| Error::Calibration {
-            message,
-            help: "leave `method` out: Truing's own planes may lie anywhere".into(),
-        })
-    }
-
-    fn plane(&self, coordinates: &[f64]) -> Plane<f64> {
-        let normal = Vector3::from_column_slice(coordinates);
+    /// The plane with coefficients (a, b, c).
+    pub fn plane(coefficients: &[f64]) -> Plane<f64> {
+        let normal = Vector3::from_column_slice(coefficients);
         let length = normal.norm();
         if length == 0.0 {
             // All points are infinitely far from the plane at infinity.
@@ -77,8 +71,43 @@ impl PlaneChart for Coefficients {
         }
     }
 
-    fn scaled(&self, plane: &Plane<f64>) -> [f64; 3] {
-        (plane.normal / plane.distance).into()
+    /// (a, b, c) of a plane, with what to do where there are none.
+    fn wanted(plane: &Plane<f64>) -> Result<[f64; 3], Error> {
+        Self::of(plane).map_err(|message| Error::Calibration {
+            message,
+            help: "leave `method` out: Truing's own planes may lie anywhere".into(),
+        })
+    }
+}
+
+/// The plane that a value is.
+fn plane_of(value: &Value) -> Plane<f64> {
+    let none = Plane {
+        normal: Vector3::z(),
+        distance: f64::NAN,
+    };
+    value.get::<Plane3>().copied().unwrap_or(none)
+}
+
+impl Chart for Coefficients {
+    fn start(&self, at: &At<'_>, group: usize) -> Value {
+        Value::of::<Plane3>(Self::fit(&at.tips(group)))
+    }
+
+    fn coordinates(&self, value: &Value) -> Result<Value, Error> {
+        let [a, b, c] = Self::wanted(&plane_of(value))?;
+        let numbers = [("a", Unit::One, a), ("b", Unit::One, b), ("c", Unit::One, c)];
+        Ok(Value::numbers(&numbers))
+    }
+
+    fn value(&self, coordinates: &Value) -> Value {
+        let coefficients = coordinates.get::<Vector>().map_or(&[0.0; 3][..], |c| c);
+        Value::of::<Plane3>(Self::plane(coefficients))
+    }
+
+    fn growth(&self, value: &Value) -> Vec<f64> {
+        let plane = plane_of(value);
+        (plane.normal / plane.distance).as_slice().to_vec()
     }
 }
 
@@ -157,69 +186,52 @@ impl Constraint for CoefficientsUnknown {
     }
 }
 
-pub(crate) fn add_known(
-    set: &MeasurementSet,
-    plane: &Plane<f64>,
-    parts: &Parts<'_>,
-    problem: &mut Problem,
-) -> Result<(), Error> {
-    let coefficients = Coefficients.coordinates(plane)?;
-    let mut batch = Batch::new(set.name.clone()).loss(set.loss);
-    for (q, sigma) in set.q.iter().zip(&set.sigma) {
+pub(crate) fn add_known(plane: &Plane<f64>, on: &mut Equations<'_>) -> Result<(), Error> {
+    let coefficients = Coefficients::wanted(plane)?;
+    let tool = on.tools[0].clone();
+    let constraints = (0..on.readings.len()).map(|row| {
         let constraint = KnownCoefficients {
-            chain: parts.chain.clone(),
-            q: q.clone(),
+            chain: tool.chain.clone(),
+            q: on.q(0, row),
             coefficients,
         };
-        let noise = Noise::isotropic(sigma.position / plane.distance.abs())?;
-        batch.push_with_noise((parts.robot, parts.target), constraint, noise);
-    }
-    problem.add_block(batch);
+        let noise = Noise::isotropic(on.readings.sigma.row(row)[0] / plane.distance.abs())?;
+        Ok(((tool.robot, tool.point()), constraint, noise))
+    });
+    let block = on.block(constraints)?;
+    on.problem.add_block(block);
     Ok(())
 }
 
 /// A length is worth 1 / distance of the plane at the start, so that residuals weigh as in metres.
-pub(crate) fn add_unknown(
-    set: &MeasurementSet,
-    groups: &Groups,
-    parts: &Parts<'_>,
-    problem: &mut Problem,
-) -> Result<(), Error> {
-    let mut batch = Batch::new(set.name.clone()).loss(set.loss);
-    for (row, q) in set.q.iter().enumerate() {
-        let PlaneVar::Coordinates(plane, _) = &parts.planes[groups.of_row[row]] else {
-            continue;
-        };
-        let scale = Vector3::from_column_slice(&problem.initial().get(*plane)).norm();
+pub(crate) fn add_unknown(on: &mut Equations<'_>) -> Result<(), Error> {
+    let tool = on.tools[0].clone();
+    let constraints = (0..on.readings.len()).map(|row| {
+        let plane = on.unknown::<Vector>("plane", row);
+        let scale = Vector3::from_column_slice(&on.problem.initial().get(plane)).norm();
         let constraint = CoefficientsUnknown {
-            chain: parts.chain.clone(),
-            q: q.clone(),
+            chain: tool.chain.clone(),
+            q: on.q(0, row),
         };
-        let noise = Noise::isotropic(set.sigma[row].position * scale)?;
-        batch.push_with_noise((parts.robot, parts.target, *plane), constraint, noise);
-    }
-    problem.add_block(batch);
+        let noise = Noise::isotropic(on.readings.sigma.row(row)[0] * scale)?;
+        Ok(((tool.robot, tool.point(), plane), constraint, noise))
+    });
+    let block = on.block(constraints)?;
+    on.problem.add_block(block);
     Ok(())
 }
 
-pub(crate) fn add_fixed(
-    set: &MeasurementSet,
-    parts: &Parts<'_>,
-    problem: &mut Problem,
-) -> Result<(), Error> {
-    let mut batch = Batch::new(set.name.clone()).loss(set.loss);
-    for (q, sigma) in set.q.iter().zip(&set.sigma) {
+pub(crate) fn add_fixed(on: &mut Equations<'_>) -> Result<(), Error> {
+    on.add(|on, row| {
+        let tool = &on.tools[0];
         let constraint = KnownPlane {
-            chain: parts.chain.clone(),
-            q: q.clone(),
+            chain: tool.chain.clone(),
+            q: on.q(0, row),
             plane: Plane {
                 normal: Vector3::z(),
                 distance: 0.0,
             },
         };
-        let noise = Noise::isotropic(sigma.position)?;
-        batch.push_with_noise((parts.robot, parts.target), constraint, noise);
-    }
-    problem.add_block(batch);
-    Ok(())
+        ((tool.robot, tool.point()), constraint)
+    })
 }

@@ -3,11 +3,11 @@
 use std::sync::Arc;
 use truing::manifold::{Point3, Vector};
 use truing::nalgebra::Vector3;
-use truing::{Batch, Constraint, Jacobian, Noise, Point, Problem, Scalar, Views};
+use truing::{Constraint, Jacobian, Point, Scalar, Views};
 use truing_robot::Error;
-use truing_robot::calibration::{Measured, MeasurementSet, Parts};
-use truing_robot::constraint::{Chain, reference_or_regressor};
-use truing_robot::kinematics::Regressor;
+use truing_robot::measurement::Equations;
+use truing_robot::robot::chain::reference_or_regressor;
+use truing_robot::robot::{Chain, Regressor};
 
 /// Four touches of one plane: the vector product of two of its normals is zero.
 ///
@@ -95,31 +95,24 @@ fn widest(tips: &[Vector3<f64>]) -> Option<([usize; 3], f64)> {
     (area > 0.0 && area.is_finite()).then_some(([a, b, c], area))
 }
 
-pub(crate) fn add(
-    set: &MeasurementSet,
-    parts: &Parts<'_>,
-    problem: &mut Problem,
-) -> Result<(), Error> {
-    let Measured::UnknownPlane(groups) = &set.measured else {
-        return Err(Error::Calibration {
-            message: format!("`{}`: vector products are of touches of planes", set.name),
-            help: "leave `method` out".into(),
-        });
-    };
-    let robot = problem.initial().get(parts.robot);
-    let target = problem.initial().get(parts.target);
-    let mut batch = Batch::new(set.name.clone()).loss(set.loss);
-    for (g, name) in groups.names.iter().enumerate() {
-        let rows: Vec<usize> = (0..set.len()).filter(|r| groups.of_row[*r] == g).collect();
+pub(crate) fn add(on: &mut Equations<'_>) -> Result<(), Error> {
+    let tool = on.tools[0].clone();
+    let point = tool.point();
+    let robot = on.problem.initial().get(tool.robot);
+    let target = on.problem.initial().get(point);
+    let readings = on.readings;
+    let mut constraints = Vec::new();
+    for (g, name) in readings.groups.names.iter().enumerate() {
+        let rows: Vec<usize> = readings.groups.rows(g).collect();
         let tips: Vec<Vector3<f64>> = rows
             .iter()
-            .map(|row| parts.chain.tip(&robot, &set.q[*row], &target))
+            .map(|row| tool.chain.tip(&robot, &readings.q()[*row], &target))
             .collect();
         let Some(([a, b, c], area)) = widest(&tips) else {
             return Err(Error::Calibration {
                 message: format!(
                     "`{}`: the touches of plane `{name}` lie in one line",
-                    set.name
+                    readings.name
                 ),
                 help: "touch the plane at places that span it, or leave it out with `rows`".into(),
             });
@@ -129,14 +122,14 @@ pub(crate) fn add(
                 continue;
             }
             let constraint = VectorProducts {
-                chain: parts.chain.clone(),
-                q: [a, b, c, k].map(|k| set.q[rows[k]].clone()),
+                chain: tool.chain.clone(),
+                q: [a, b, c, k].map(|k| on.q(0, rows[k])),
                 area,
             };
-            let noise = Noise::isotropic(set.sigma[*row].position)?;
-            batch.push_with_noise((parts.robot, parts.target), constraint, noise);
+            constraints.push(Ok(((tool.robot, point), constraint, on.noise(*row)?)));
         }
     }
-    problem.add_block(batch);
+    let block = on.block(constraints.into_iter())?;
+    on.problem.add_block(block);
     Ok(())
 }

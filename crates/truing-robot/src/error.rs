@@ -1,6 +1,6 @@
 //! What can be wrong with a calibration.
 
-use crate::file::InputError;
+use crate::text::InputError;
 
 /// Why a calibration or simulation cannot be done.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

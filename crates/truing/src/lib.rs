@@ -42,6 +42,6 @@ pub use solution::{BlockReport, Solution};
 pub use solver::{ActiveLimit, Method, Settings, Termination, Tolerances, solve, solve_from};
 pub use statistics::Covariance;
 pub use step::LinearSolver;
-pub use variable::{MAX_VARS, Slot, Values, Var, Variable, Vars};
+pub use variable::{AnyVar, MAX_VARS, Slot, Values, Var, Variable, Vars};
 
 pub use {argmin, nalgebra, num_dual};

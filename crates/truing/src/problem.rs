@@ -8,7 +8,7 @@ use crate::least_squares::{LeastSquares, Linearization, StepBounds, Structure};
 use crate::limits::{Limits, LinearLimit};
 use crate::loss::Loss;
 use crate::prior::Prior;
-use crate::variable::{Slot, Values, Var, Variable, VariableSlot, Vars, slope};
+use crate::variable::{AnyVar, Slot, Values, Var, Variable, VariableSlot, Vars, slope};
 use nalgebra::DMatrix;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -137,6 +137,23 @@ impl Problem {
         let prior = Prior::new(name, var, mean, sigmas)?;
         self.add_block(prior);
         Ok(())
+    }
+
+    /// Fixes a variable of any type.
+    pub fn fix_any(&mut self, var: AnyVar) {
+        for column in var.columns() {
+            self.set_column_fixed(column, true);
+        }
+    }
+
+    /// Names the components of a variable of any type, as [`name_components`](Self::name_components).
+    ///
+    /// # Panics
+    /// If there is not one name for each degree of freedom.
+    #[track_caller]
+    pub fn name_any(&mut self, var: AnyVar, names: &[String]) {
+        assert_eq!(names.len(), var.columns().len(), "one name a degree of freedom");
+        self.variables[var.index()].components = names.to_vec();
     }
 
     /// Holds a variable at its value.

@@ -3,6 +3,7 @@
 use crate::autodiff::{partials, seed};
 use crate::scalar::{Dual, Scalar};
 use serde::{Deserialize, Serialize};
+use std::any::TypeId;
 use std::marker::PhantomData;
 use std::ops::Range;
 
@@ -91,6 +92,41 @@ impl<V: Variable> std::fmt::Debug for Var<V> {
     }
 }
 
+/// A handle whose type is known at run time only: what holds unknowns of many types keeps these.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct AnyVar {
+    slot: Slot,
+    kind: TypeId,
+    tangent_dim: usize,
+}
+
+impl AnyVar {
+    /// The typed handle, if it is of that type.
+    pub fn typed<V: Variable>(self) -> Option<Var<V>> {
+        (self.kind == TypeId::of::<V>()).then(|| Var::new(self.slot))
+    }
+
+    /// Number of the variable in its problem, from 0 in order of creation.
+    pub fn index(self) -> usize {
+        self.slot.index
+    }
+
+    /// Its columns in the Jacobian.
+    pub fn columns(self) -> Range<usize> {
+        self.slot.column..self.slot.column + self.tangent_dim
+    }
+}
+
+impl<V: Variable> From<Var<V>> for AnyVar {
+    fn from(var: Var<V>) -> Self {
+        Self {
+            slot: var.slot,
+            kind: TypeId::of::<V>(),
+            tangent_dim: var.tangent_dim(),
+        }
+    }
+}
+
 /// All the numbers of a problem's variables, stored flat. Cheap to clone, serialisable.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Values {
@@ -126,6 +162,12 @@ impl Values {
     /// The stored numbers of a variable.
     #[track_caller]
     pub fn raw<V: Variable>(&self, var: Var<V>) -> &[f64] {
+        &self.data[var.slot.offset..var.slot.offset + var.slot.len]
+    }
+
+    /// The stored numbers of a variable of any type.
+    #[track_caller]
+    pub fn raw_any(&self, var: AnyVar) -> &[f64] {
         &self.data[var.slot.offset..var.slot.offset + var.slot.len]
     }
 

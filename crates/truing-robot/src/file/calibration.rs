@@ -4,25 +4,14 @@ use std::collections::BTreeSet;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use super::constraint_spec::{ConstraintSpec, Kind};
-use super::error::{InputError, Source, one_of, suggest};
-use super::estimate_spec::EstimateSpec;
-use super::robot::stem;
-use super::section::{Document, Section, Spanned};
-
-/// A robot of a calibration, and the file that describes it.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct RobotRef {
-    /// The name, empty for a single `[robot]`.
-    pub name: String,
-    /// The robot file; whether it exists is not checked here.
-    pub file: PathBuf,
-    /// The place of the file's name, in bytes.
-    pub span: Range<usize>,
-}
+use super::constraint::ConstraintSpec;
+use super::estimate::EstimateSpec;
+use super::robots::{RobotRef, name_robots, robots};
+use crate::plugin::Registry;
+use crate::text::{Document, InputError, Section, Source, stem};
 
 /// A calibration file: what to estimate, from which constraints.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct CalibrationFile {
     /// The file and its text.
     pub source: Source,
@@ -43,7 +32,16 @@ impl CalibrationFile {
     ///
     /// The file cannot be read, or is not a calibration file.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, InputError> {
-        Self::from_source(Source::read(path)?)
+        Self::read_with(path, &Registry::default())
+    }
+
+    /// Reads a calibration file, which may also name what plugins add.
+    ///
+    /// # Errors
+    ///
+    /// As [`read`](Self::read).
+    pub fn read_with(path: impl AsRef<Path>, registry: &Registry) -> Result<Self, InputError> {
+        Self::from_source(Source::read(path)?, registry)
     }
 
     /// Reads the text of a calibration file; other files are found relative to `path`.
@@ -52,7 +50,7 @@ impl CalibrationFile {
     ///
     /// The text is not a calibration file.
     pub fn parse(text: &str, path: impl Into<PathBuf>) -> Result<Self, InputError> {
-        Self::from_source(Source::new(text, path))
+        Self::from_source(Source::new(text, path), &Registry::default())
     }
 
     /// The error of `message` at `span` (bytes) of this file.
@@ -61,7 +59,7 @@ impl CalibrationFile {
         self.source.error_at(span, message)
     }
 
-    fn from_source(source: Source) -> Result<Self, InputError> {
+    fn from_source(source: Source, registry: &Registry) -> Result<Self, InputError> {
         if source.text.trim().is_empty() {
             return Err(source
                 .error("this calibration file is empty; expected [robot] and [[constraint]]")
@@ -74,8 +72,8 @@ impl CalibrationFile {
             Some(table) => EstimateSpec::read(table.titled("[estimate]"))?,
             None => EstimateSpec::default(),
         };
-        let mut constraints = constraints(&mut root, "constraint", &source, &robots)?;
-        let mut validate = constraints_without_holdout(&mut root, &source, &robots)?;
+        let mut constraints = constraints(&mut root, "constraint", &source, &robots, registry)?;
+        let mut validate = constraints_without_holdout(&mut root, &source, &robots, registry)?;
         root.finish()?;
         if constraints.is_empty() {
             return Err(source
@@ -97,69 +95,21 @@ impl CalibrationFile {
     }
 }
 
-/// `[robot]`, or `[robots.left]` and others.
-pub(super) fn robots(root: &mut Section<'_>, folder: &Path) -> Result<Vec<RobotRef>, InputError> {
-    let one = root.get("robot");
-    let several = root.get("robots");
-    match (one, several) {
-        (Some(_), Some(several)) => Err(several
-            .error("there is also [robot]; expected one of the two")
-            .with_help("write [robot] for one robot, [robots.NAME] for several")),
-        (Some(one), None) => {
-            let table = one.table()?.titled("[robot]");
-            Ok(vec![robot(table, String::new(), folder)?])
-        }
-        (None, Some(several)) => {
-            let mut robots = Vec::new();
-            for item in several.table()?.entries() {
-                let name = item.name().to_owned();
-                let plain = |c: char| c.is_alphanumeric() || c == '_' || c == '-';
-                if name.is_empty() || !name.chars().all(plain) {
-                    return Err(item
-                        .error("this name cannot be put before a parameter's")
-                        .with_help("use letters, digits, `_` and `-`"));
-                }
-                let table = item.table()?.titled(format!("[robots.{name}]"));
-                robots.push(robot(table, name, folder)?);
-            }
-            if robots.is_empty() {
-                return Err(several
-                    .error("found no robots; expected at least one")
-                    .with_help("add a table [robots.left] with `file = …`"));
-            }
-            Ok(robots)
-        }
-        (None, None) => Err(root
-            .error("there is no [robot]; expected the file that describes the robot")
-            .with_help("add [robot] with file = \"robot.toml\"")),
-    }
-}
-
-fn robot(mut table: Section<'_>, name: String, folder: &Path) -> Result<RobotRef, InputError> {
-    let file = table.require("file", "expected the name of a robot file")?;
-    let file = file.name_text()?;
-    table.finish()?;
-    Ok(RobotRef {
-        name,
-        file: folder.join(file.value),
-        span: file.span,
-    })
-}
-
 fn constraints(
     root: &mut Section<'_>,
     key: &str,
     source: &Source,
     robots: &[RobotRef],
+    registry: &Registry,
 ) -> Result<Vec<ConstraintSpec>, InputError> {
     let mut specs = Vec::new();
     for table in root.tables(key)? {
-        let mut spec = ConstraintSpec::read(table, source.folder())?;
+        let mut spec = ConstraintSpec::read(table, source.folder(), registry)?;
         let span = spec.spans.table();
         name_robots(
             &mut spec.robot,
             &mut spec.robots,
-            spec.kind,
+            spec.kind.tools(),
             span,
             source,
             robots,
@@ -173,8 +123,9 @@ fn constraints_without_holdout(
     root: &mut Section<'_>,
     source: &Source,
     robots: &[RobotRef],
+    registry: &Registry,
 ) -> Result<Vec<ConstraintSpec>, InputError> {
-    let specs = constraints(root, "validate", source, robots)?;
+    let specs = constraints(root, "validate", source, robots, registry)?;
     match specs.iter().find(|spec| spec.holdout.is_some()) {
         None => Ok(specs),
         Some(spec) => Err(source
@@ -184,58 +135,6 @@ fn constraints_without_holdout(
             )
             .with_help("remove it, or use `rows` to take some of the rows")),
     }
-}
-
-/// Checks the robots of a constraint, and names both where there are just two to measure between.
-pub(super) fn name_robots(
-    one: &mut Option<Spanned<String>>,
-    two: &mut Option<[Spanned<String>; 2]>,
-    kind: Kind,
-    span: Range<usize>,
-    source: &Source,
-    robots: &[RobotRef],
-) -> Result<(), InputError> {
-    let names: Vec<&str> = robots.iter().map(|robot| robot.name.as_str()).collect();
-    let single = names == [""];
-    for name in one.iter().chain(two.iter().flatten()) {
-        if single {
-            return Err(source
-                .error_at(
-                    name.span.clone(),
-                    format!(
-                        "there is one [robot], without a name; found `{}`",
-                        name.value
-                    ),
-                )
-                .with_help("remove the key, or name the robots in [robots.NAME]"));
-        }
-        if !names.contains(&name.value.as_str()) {
-            let message = format!(
-                "there is no robot `{}`; expected {}",
-                name.value,
-                one_of(&names)
-            );
-            return Err(source
-                .error_at(name.span.clone(), message)
-                .with_help(suggest(&name.value, &names)));
-        }
-    }
-    if names.len() < 2 || one.is_some() || two.is_some() {
-        return Ok(());
-    }
-    if let (Kind::Distance, [first, second]) = (kind, names.as_slice()) {
-        let name = |name: &str| Spanned::new(name.to_owned(), span.clone());
-        *two = Some([name(first), name(second)]);
-        return Ok(());
-    }
-    let message = format!(
-        "this does not say which robot it is about: {}",
-        one_of(&names)
-    );
-    Err(source.error_at(span, message).with_help(match kind {
-        Kind::Distance => "add robots = [\"…\", \"…\"], or robot = \"…\" for two postures",
-        _ => "add robot = \"…\"",
-    }))
 }
 
 /// Gives each constraint a name of its own, none of those `taken`.

@@ -1,71 +1,118 @@
 //! The values of the keys of a `[[constraint]]` table, each with its own rules.
 
-use super::constraint_spec::{DistanceSpec, Holdout, Kind, PlaneSpec, SigmaSpec};
-use super::error::{InputError, short, suggest};
-use super::item::Item;
-use super::quantity::{Dimension, Quantity, Units};
-use super::section::{Section, Spanned};
-use super::selection::Selection;
+use super::holdout::Holdout;
+use crate::measurement::{Kind, Measurand, TargetKind};
+use crate::plugin::Registry;
+use crate::robot::Unit;
+use crate::text::error::{one_of, short};
+use crate::text::{Dimension, InputError, Item, Section, Selection, Spanned, Units};
+use truing::manifold::Pose;
 
-/// A quantity of this dimension, in m, rad or 1, that is more than zero.
-pub(super) fn positive(
+/// What may be written for the dimension of a measurand.
+fn dimension(measurand: &Measurand) -> Dimension {
+    match measurand.unit {
+        Unit::Meter => Dimension::Length,
+        Unit::Radian => Dimension::Angle,
+        _ => Dimension::None,
+    }
+}
+
+/// `"0.1 mm"`, `1e-4`, or `{ position = "0.1 mm", rotation = "0.2 mrad" }`: one standard deviation a
+/// measurand. A single quantity is that of the first; a bare number in m is that of all, each in its own
+/// unit.
+pub(super) fn sigma(
     item: &Item<'_>,
-    dimension: Dimension,
+    kind: &dyn Kind,
     units: &Units,
-) -> Result<f64, InputError> {
-    let value = item.in_units(dimension, units)?;
-    if value > 0.0 {
-        return Ok(value);
-    }
-    Err(not_positive(item, value))
-}
-
-/// A quantity of any dimension that is more than zero.
-pub(super) fn positive_quantity(item: &Item<'_>) -> Result<Quantity, InputError> {
-    let quantity = item.quantity()?.value;
-    if quantity.value > 0.0 {
-        return Ok(quantity);
-    }
-    Err(not_positive(item, quantity.value))
-}
-
-fn not_positive(item: &Item<'_>, value: f64) -> InputError {
-    item.error(format!("found {value}; expected more than 0"))
-        .with_help("write a positive number, or leave the key out")
-}
-
-/// `"0.1 mm"`, `1e-4`, or `{ position = "0.1 mm", rotation = "0.2 mrad" }`.
-pub(super) fn sigma(item: &Item<'_>, kind: Kind, units: &Units) -> Result<SigmaSpec, InputError> {
+) -> Result<Vec<Option<f64>>, InputError> {
+    let measurands = kind.measurands();
+    let first = dimension(&measurands[0]);
     if !item.is_table() {
-        let quantity = positive_quantity(item)?;
-        quantity
-            .expect(Dimension::Length)
-            .map_err(|error| item.refuse(error))?;
-        if quantity.dimension.is_none() && units.length != Units::SI.length {
-            let value = item.in_units(Dimension::Length, units)?;
-            let dimension = Some(Dimension::Length);
-            return Ok(SigmaSpec::Single(Quantity { value, dimension }));
-        }
-        return Ok(SigmaSpec::Single(quantity));
+        let quantity = item.positive_quantity()?;
+        quantity.expect(first).map_err(|error| item.refuse(error))?;
+        let bare = quantity.dimension.is_none() && units.factor(first) == Units::SI.factor(first);
+        let value = item.in_units(first, units)?;
+        let others = bare.then_some(value);
+        let rest = measurands[1..].iter().map(|_| others);
+        return Ok(std::iter::once(Some(value)).chain(rest).collect());
     }
-    if !kind.has_rotation() {
+    if measurands.len() == 1 {
         let message = format!(
-            "found a table; expected a length: measurements of kind {} have no rotation",
+            "found a table; expected {first}: measurements of kind {} have no rotation",
             kind.name()
         );
         return Err(item
             .error(message)
-            .with_help("write one length, like sigma = \"0.1 mm\""));
+            .with_help("write one standard deviation, like sigma = \"0.1 mm\""));
     }
     let mut table = item.table()?;
-    let position = table.require("position", "expected a length")?;
-    let rotation = table.require("rotation", "expected an angle")?;
-    let sigma = SigmaSpec::Pose {
-        position: positive(&position, Dimension::Length, units)?,
-        rotation: positive(&rotation, Dimension::Angle, units)?,
-    };
+    let mut sigma = Vec::new();
+    for measurand in measurands {
+        let dimension = dimension(measurand);
+        let expected = format!("expected {dimension}");
+        let item = table.require(measurand.name, &expected)?;
+        sigma.push(Some(item.positive(dimension, units)?));
+    }
     table.finish()?;
     Ok(sigma)
+}
+
+/// The keys of a kind in calibration files that not all kinds have.
+pub(super) fn keys(kind: &dyn Kind) -> Vec<&'static str> {
+    let mut keys = kind.keys().to_vec();
+    if kind.has_frame() {
+        keys.extend(["frame", "frame_guess"]);
+    }
+    if kind.grouping().is_some() {
+        keys.push("group");
+    }
+    if kind.tools() > 1 {
+        keys.extend(["robots", "targets"]);
+    }
+    keys
+}
+
+/// The keys of a kind in simulation files that not all kinds have.
+pub(super) fn scene_keys(kind: &dyn Kind) -> Vec<&'static str> {
+    let mut keys = kind.scene_keys().to_vec();
+    if kind.has_frame() {
+        keys.extend(["frame", "frame_pose"]);
+    }
+    keys.push(if kind.tools() > 1 {
+        "robots"
+    } else {
+        "target_position"
+    });
+    keys
+}
+
+/// A key that exists, but not for this kind, is not "unknown": the error says whose it is.
+pub(super) fn refuse_other_keys(
+    table: &Section<'_>,
+    kind: &dyn Kind,
+    registry: &Registry,
+    keys: fn(&dyn Kind) -> Vec<&'static str>,
+) -> Result<(), InputError> {
+    let own = keys(kind);
+    let kinds = || registry.kinds().iter();
+    for key in kinds().flat_map(|kind| keys(&**kind)) {
+        let Some(item) = table.peek(key).filter(|_| !own.contains(&key)) else {
+            continue;
+        };
+        let names: Vec<&str> = kinds()
+            .filter(|kind| keys(&***kind).contains(&key))
+            .map(|kind| kind.name())
+            .collect();
+        let message = format!(
+            "this is a {} constraint; only {} takes this key",
+            kind.name(),
+            one_of(&names)
+        );
+        return Err(item
+            .error(message)
+            .with_help("remove the key, or change the `kind`"));
+    }
+    Ok(())
 }
 
 /// `robots = ["left", "right"]`.
@@ -119,159 +166,33 @@ fn guess<'a>(table: &mut Section<'a>, key: &str, of: &str) -> Result<Option<Item
     Ok(Some(item))
 }
 
-/// `target_guess = [x, y, z]`.
+/// `target_guess = [x, y, z]`; that of a body may have an orientation, `[x, y, z, qw, qx, qy, qz]`.
 pub(super) fn target_guess(
     table: &mut Section<'_>,
     units: &Units,
-) -> Result<Option<[Quantity; 3]>, InputError> {
-    guess(table, "target_guess", "target")?
-        .map(|item| point(&item, units))
-        .transpose()
-}
-
-/// `[x, y, z]`, lengths.
-pub(super) fn point(item: &Item<'_>, units: &Units) -> Result<[Quantity; 3], InputError> {
-    let mut point = [Quantity::bare(0.0); 3];
-    let items: [Item<'_>; 3] = item.list_of("[x, y, z]")?;
-    for (coordinate, item) in point.iter_mut().zip(&items) {
-        *coordinate = Quantity::bare(item.in_units(Dimension::Length, units)?);
+    targets: TargetKind,
+) -> Result<Option<Pose<f64>>, InputError> {
+    let Some(item) = guess(table, "target_guess", "target")? else {
+        return Ok(None);
+    };
+    let seven = || item.list("[x, y, z]").is_ok_and(|items| items.len() == 7);
+    if targets == TargetKind::Body && item.is_list() && seven() {
+        return item.pose(units).map(Some);
     }
-    Ok(point)
+    Ok(Some(Pose {
+        translation: item.point(units)?,
+        ..Pose::identity()
+    }))
 }
 
 /// `frame_guess = [x, y, z, qw, qx, qy, qz]`, the quaternion brought to length one.
 pub(super) fn frame_guess(
     table: &mut Section<'_>,
     units: &Units,
-) -> Result<Option<[f64; 7]>, InputError> {
+) -> Result<Option<Pose<f64>>, InputError> {
     guess(table, "frame_guess", "frame")?
-        .map(|item| pose(&item, units))
+        .map(|item| item.pose(units))
         .transpose()
-}
-
-/// `[x, y, z, qw, qx, qy, qz]`, the quaternion brought to length one.
-pub(super) fn pose(item: &Item<'_>, units: &Units) -> Result<[f64; 7], InputError> {
-    let items: [Item<'_>; 7] = item.list_of("[x, y, z, qw, qx, qy, qz]")?;
-    let mut pose = [0.0; 7];
-    for (i, (number, item)) in pose.iter_mut().zip(&items).enumerate() {
-        let dimension = if i < 3 {
-            Dimension::Length
-        } else {
-            Dimension::None
-        };
-        *number = item.in_units(dimension, units)?;
-    }
-    let quaternion = &mut pose[3..];
-    let norm = quaternion.iter().fold(0.0f64, |norm, q| norm.hypot(*q));
-    if !(0.9..1.1).contains(&norm) {
-        return Err(item
-            .error(format!("the quaternion has length {norm}; expected 1"))
-            .with_help("the order is x, y, z, qw, qx, qy, qz"));
-    }
-    for number in quaternion {
-        *number /= norm;
-    }
-    Ok(pose)
-}
-
-/// `{ normal = [0, 0, 1], distance = 0.4 }` or `{ a = 0.3, b = -0.5, c = -1.1 }`.
-pub(super) fn plane(
-    table: &mut Section<'_>,
-    kind: Kind,
-    units: &Units,
-) -> Result<Option<PlaneSpec>, InputError> {
-    if kind != Kind::KnownPlane {
-        return Ok(None);
-    }
-    // A method may have a plane of its own.
-    if table.peek("method").is_some() && table.peek("plane").is_none() {
-        return Ok(None);
-    }
-    let item = table.require("plane", &format!("expected {PLANE_FORMS}"))?;
-    plane_of(&item, units).map(Some)
-}
-
-/// The two forms of a plane.
-pub(super) const PLANE_FORMS: &str = "{ normal = [0, 0, 1], distance = 0.4 } or { a, b, c }";
-
-/// A plane in one of its two forms.
-pub(super) fn plane_of(item: &Item<'_>, units: &Units) -> Result<PlaneSpec, InputError> {
-    if !item.is_table() {
-        return Err(item
-            .wrong_type(PLANE_FORMS)
-            .with_help("write the plane as a table, in one of the two forms"));
-    }
-    let mut table = item.table()?;
-    let paper = ["a", "b", "c"];
-    let by_paper = paper.iter().any(|key| table.peek(key).is_some());
-    let by_normal = ["normal", "distance"]
-        .iter()
-        .any(|key| table.peek(key).is_some());
-    if by_paper && by_normal {
-        return Err(item
-            .error(format!(
-                "found both forms of a plane; expected {PLANE_FORMS}"
-            ))
-            .with_help("keep either `normal` and `distance`, or `a`, `b` and `c`"));
-    }
-    let (plane, normal) = if by_paper {
-        let mut normal = [0.0; 3];
-        for (number, key) in normal.iter_mut().zip(paper) {
-            // One over a length.
-            *number = table.require(key, "expected a number")?.number()?.value / units.length;
-        }
-        let [a, b, c] = normal;
-        (PlaneSpec::Paper { a, b, c }, normal)
-    } else {
-        let items: [Item<'_>; 3] = table
-            .require("normal", "expected [x, y, z]")?
-            .list_of("[x, y, z]")?;
-        let mut normal = [0.0; 3];
-        for (number, item) in normal.iter_mut().zip(&items) {
-            *number = item.number()?.value;
-        }
-        let distance = table.require("distance", "expected a length")?;
-        let distance = distance.in_units(Dimension::Length, units)?;
-        (PlaneSpec::NormalDistance { normal, distance }, normal)
-    };
-    table.finish()?;
-    // What is not zero must also have a length that is neither zero nor infinite.
-    let norm = normal.iter().fold(0.0f64, |norm, n| norm.hypot(*n));
-    if norm.is_normal() {
-        return Ok(plane);
-    }
-    Err(item
-        .error("the plane has no direction; expected a normal that is not zero")
-        .with_help("write the normal of the plane, like [0, 0, 1]"))
-}
-
-/// `0.116`, `"116 mm"` or `"estimate"`.
-pub(super) fn distance(
-    table: &mut Section<'_>,
-    kind: Kind,
-    units: &Units,
-) -> Result<Option<DistanceSpec>, InputError> {
-    if kind != Kind::Distance {
-        return Ok(None);
-    }
-    let item = table.require("distance", "expected a length or \"estimate\"")?;
-    if let Some(word) = item.as_str().map(str::trim)
-        && word.starts_with(|c: char| c.is_alphabetic())
-    {
-        return match word {
-            "estimate" => Ok(Some(DistanceSpec::Estimate)),
-            _ => Err(item
-                .wrong_type("a length or \"estimate\"")
-                .with_help(suggest(word, &["estimate"]))),
-        };
-    }
-    let value = item.in_units(Dimension::Length, units)?;
-    if value > 0.0 {
-        return Ok(Some(DistanceSpec::Value(value)));
-    }
-    Err(item
-        .error(format!("found {value}; expected more than 0"))
-        .with_help("two points that meet are a `same-point`; balls that touch are the sum of their radii apart"))
 }
 
 /// `columns = { x = "s1x" }`.
@@ -339,24 +260,4 @@ pub(super) fn holdout(table: &mut Section<'_>) -> Result<Option<Holdout>, InputE
         every: length,
         rows,
     }))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn holdout_counts_modulo() {
-        let holdout = Holdout {
-            every: 10,
-            rows: vec![0, 3, 7],
-        };
-        let held: Vec<usize> = (0..20).filter(|&row| holdout.holds_out(row)).collect();
-        assert_eq!(held, [0, 3, 7, 10, 13, 17]);
-        let odd = Holdout {
-            every: 0,
-            rows: vec![0],
-        };
-        assert!(!odd.holds_out(3));
-    }
 }

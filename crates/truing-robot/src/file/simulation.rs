@@ -4,14 +4,18 @@ use std::collections::BTreeSet;
 use std::ops::Range;
 use std::path::Path;
 
-use super::RobotRef;
-use super::calibration::{name_robots, robots};
-use super::constraint_spec::{Kind, PlaneSpec, SigmaSpec};
-use super::constraint_values::{PLANE_FORMS, plane_of, point, pose, sigma, two_robots};
-use super::error::{InputError, Source, one_of, suggest};
-use super::item::Item;
-use super::quantity::{Dimension, Quantity, Units};
-use super::section::{Document, Section, Spanned, Spans};
+use super::constraint::kind_of;
+use super::constraint_values::{refuse_other_keys, scene_keys, sigma, two_robots};
+use super::robots::{RobotRef, name_robots, robots};
+use crate::measurement::{Kind, Scene};
+use crate::plugin::Registry;
+use crate::text::error::suggest;
+use crate::text::{
+    Dimension, Document, InputError, Quantity, Section, Source, Spanned, Spans, Units,
+};
+use std::sync::Arc;
+use truing::manifold::Pose;
+use truing::nalgebra::Vector3;
 
 /// How far the true robots are from nominal.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -33,59 +37,39 @@ pub struct ErrorSpec {
     pub given: Vec<(Spanned<String>, Quantity)>,
 }
 
-/// Planes or points of a simulated constraint.
-#[derive(Debug, Clone, PartialEq)]
-pub enum PlacesSpec<T> {
-    /// So many, drawn within reach of the robot.
-    Random(usize),
-    /// These.
-    Listed(Vec<T>),
-}
-
 /// A set of measurements to simulate.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Clone)]
 pub struct SimulationSpec {
     /// The name of the constraint.
     pub name: String,
     /// What is measured.
-    pub kind: Kind,
+    pub kind: Arc<dyn Kind>,
     /// The name of the data file in the output folder.
     pub data: Spanned<String>,
-    /// How many measurements, of each plane or point.
+    /// How many measurements, of each group.
     pub count: usize,
-    /// Noise; none by default.
-    pub sigma: Option<SigmaSpec>,
+    /// Noise, one standard deviation a measurand; none by default.
+    pub sigma: Vec<Option<f64>>,
     /// The robot that measures, where there are several.
     pub robot: Option<Spanned<String>>,
-    /// The two robots of a distance.
+    /// The two robots of a kind between two tools.
     pub robots: Option<[Spanned<String>; 2]>,
-    /// The tool point, if it is not the tool origin.
+    /// The target, if it is not the tool itself.
     pub target: Option<Spanned<String>>,
-    /// Where it is in the tool frame \[m\].
-    pub target_position: [f64; 3],
+    /// Where it is in the tool frame.
+    pub target_position: Pose<f64>,
     /// The sensor's frame, if it is not the reference frame.
     pub frame: Option<Spanned<String>>,
-    /// Where the sensor is: x, y, z \[m\] and the unit quaternion w, x, y, z.
-    pub frame_pose: [f64; 7],
-    /// The plane of a `known-plane`; none to draw it within reach of the robot.
-    pub plane: Option<PlaneSpec>,
-    /// The planes of an `unknown-plane`.
-    pub planes: PlacesSpec<PlaneSpec>,
-    /// The distance of planes that are drawn from the origin \[m\]; none for planes through a point
-    /// within reach.
-    pub plane_distance: Option<f64>,
-    /// The points of a `same-point` \[m\].
-    pub points: PlacesSpec<[f64; 3]>,
-    /// The locations of a `same-location`: x, y, z \[m\] and the unit quaternion w, x, y, z.
-    pub locations: PlacesSpec<[f64; 7]>,
-    /// The distance of a `distance` \[m\].
-    pub distance: f64,
+    /// Where the sensor is.
+    pub frame_pose: Pose<f64>,
+    /// Where the unknowns of the kind truly are.
+    pub scene: Scene,
     /// Where the table and the values of its keys are in the file.
     pub spans: Spans,
 }
 
 /// A simulation file.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Clone)]
 pub struct SimulationFile {
     /// The file and its text.
     pub source: Source,
@@ -106,7 +90,16 @@ impl SimulationFile {
     ///
     /// The file cannot be read, or is not a simulation file.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, InputError> {
-        Self::from_source(Source::read(path)?)
+        Self::read_with(path, &Registry::default())
+    }
+
+    /// Reads a simulation file, which may also name what plugins add.
+    ///
+    /// # Errors
+    ///
+    /// As [`read`](Self::read).
+    pub fn read_with(path: impl AsRef<Path>, registry: &Registry) -> Result<Self, InputError> {
+        Self::from_source(Source::read(path)?, registry)
     }
 
     /// Reads the text of a simulation file; other files are found relative to `path`.
@@ -115,7 +108,7 @@ impl SimulationFile {
     ///
     /// The text is not a simulation file.
     pub fn parse(text: &str, path: impl Into<std::path::PathBuf>) -> Result<Self, InputError> {
-        Self::from_source(Source::new(text, path))
+        Self::from_source(Source::new(text, path), &Registry::default())
     }
 
     /// The error of `message` at `span` (bytes) of this file.
@@ -124,7 +117,7 @@ impl SimulationFile {
         self.source.error_at(span, message)
     }
 
-    fn from_source(source: Source) -> Result<Self, InputError> {
+    fn from_source(source: Source, registry: &Registry) -> Result<Self, InputError> {
         if source.text.trim().is_empty() {
             return Err(source
                 .error("this simulation file is empty; expected [robot] and [[constraint]]")
@@ -141,7 +134,7 @@ impl SimulationFile {
         let mut constraints: Vec<SimulationSpec> = Vec::new();
         let mut used = BTreeSet::new();
         for table in root.tables("constraint")? {
-            let spec = constraint(table, &source, &robots, true)?;
+            let spec = constraint(table, &source, &robots, registry, true)?;
             if !used.insert(spec.data.value.clone()) {
                 let message = format!("`{}` is written by two constraints", spec.data.value);
                 return Err(source
@@ -169,17 +162,6 @@ impl SimulationFile {
 /// The most measurements that a constraint makes.
 const MOST: usize = 1_000_000;
 
-/// A size of zero or more.
-fn size(item: &Item<'_>, dimension: Dimension) -> Result<f64, InputError> {
-    let value = item.in_units(dimension, &Units::SI)?;
-    if value >= 0.0 {
-        return Ok(value);
-    }
-    Err(item
-        .error(format!("found {value}; expected 0 or more"))
-        .with_help("write it without a sign"))
-}
-
 /// Sizes and distribution of random errors, and which parameters have them.
 pub(super) fn errors(table: &mut Section<'_>) -> Result<ErrorSpec, InputError> {
     let mut spec = ErrorSpec::default();
@@ -189,7 +171,7 @@ pub(super) fn errors(table: &mut Section<'_>) -> Result<ErrorSpec, InputError> {
         ("gain", Dimension::None, &mut spec.gain),
     ] {
         if let Some(item) = table.get(key) {
-            *value = size(&item, dimension)?;
+            *value = item.size(dimension)?;
         }
     }
     if let Some(word) = table.string("distribution")? {
@@ -226,51 +208,17 @@ fn errors_with_given(mut table: Section<'_>) -> Result<ErrorSpec, InputError> {
     Ok(spec)
 }
 
-/// The keys that only some kinds have.
-const KEYS_OF_KINDS: [(&str, &[Kind]); 10] = [
-    (
-        "target_position",
-        &[
-            Kind::Pose,
-            Kind::Position,
-            Kind::KnownPlane,
-            Kind::UnknownPlane,
-            Kind::SamePoint,
-            Kind::SameLocation,
-        ],
-    ),
-    ("frame", &[Kind::Pose, Kind::Position]),
-    ("frame_pose", &[Kind::Pose, Kind::Position]),
-    ("plane", &[Kind::KnownPlane]),
-    ("planes", &[Kind::UnknownPlane]),
-    ("plane_distance", &[Kind::KnownPlane, Kind::UnknownPlane]),
-    ("points", &[Kind::SamePoint]),
-    ("locations", &[Kind::SameLocation]),
-    ("distance", &[Kind::Distance]),
-    ("robots", &[Kind::Distance]),
-];
-
 /// A `[[constraint]]`; one that is not `written` has no data file, and its kind for a name.
 pub(super) fn constraint(
     mut table: Section<'_>,
     source: &Source,
     robots: &[RobotRef],
+    registry: &Registry,
     written: bool,
 ) -> Result<SimulationSpec, InputError> {
-    let kind = Kind::read(&table.require("kind", "expected what is measured, like \"position\"")?)?;
-    for (key, kinds) in KEYS_OF_KINDS {
-        if let (false, Some(item)) = (kinds.contains(&kind), table.peek(key)) {
-            let names: Vec<&str> = kinds.iter().map(|kind| kind.name()).collect();
-            let message = format!(
-                "this is a {} constraint; only {} takes this key",
-                kind.name(),
-                one_of(&names)
-            );
-            return Err(item
-                .error(message)
-                .with_help("remove the key, or change the `kind`"));
-        }
-    }
+    let item = table.require("kind", "expected what is measured, like \"position\"")?;
+    let kind = kind_of(&item, registry)?;
+    refuse_other_keys(&table, &*kind, registry, scene_keys)?;
     let data = if written {
         data_file(&mut table)?
     } else {
@@ -283,10 +231,10 @@ pub(super) fn constraint(
             .error(format!("found {number}; expected 1 to {MOST}"))
             .with_help("say how many measurements to make"));
     }
-    let sigma = table
-        .get("sigma")
-        .map(|item| sigma(&item, kind, &Units::SI))
-        .transpose()?;
+    let sigma = match table.get("sigma") {
+        Some(item) => sigma(&item, &*kind, &Units::SI)?,
+        None => vec![None; kind.measurands().len()],
+    };
     let name = match table.get("name") {
         Some(item) => item.name_text()?.value,
         None => Path::new(&data.value)
@@ -300,75 +248,31 @@ pub(super) fn constraint(
     let mut two = two_robots(&mut table)?;
     let mut one = robot;
     let spans = table.spans();
-    name_robots(&mut one, &mut two, kind, spans.table(), source, robots)?;
+    name_robots(
+        &mut one,
+        &mut two,
+        kind.tools(),
+        spans.table(),
+        source,
+        robots,
+    )?;
     let target = table
         .get("target")
         .map(|item| item.name_text())
         .transpose()?;
     let target_position = match table.get("target_position") {
-        Some(item) => point(&item, &Units::SI)?.map(|c| c.value),
-        None => [0.0; 3],
+        Some(item) => item.point(&Units::SI)?,
+        None => Vector3::zeros(),
     };
     let frame = table
         .get("frame")
         .map(|item| item.name_text())
         .transpose()?;
     let frame_pose = match table.get("frame_pose") {
-        Some(item) => pose(&item, &Units::SI)?,
-        None => [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0],
+        Some(item) => item.pose(&Units::SI)?,
+        None => Pose::identity(),
     };
-    let drawn = |item: &Item<'_>| item.as_str() == Some("random");
-    let plane = if kind == Kind::KnownPlane {
-        let forms = format!("\"random\", {PLANE_FORMS}");
-        let item = table.require("plane", &format!("expected {forms}"))?;
-        if drawn(&item) {
-            None
-        } else if item.is_table() {
-            Some(plane_of(&item, &Units::SI)?)
-        } else {
-            let word = item.as_str().unwrap_or_default();
-            return Err(item
-                .wrong_type(&forms)
-                .with_help(suggest(word, &["random"])));
-        }
-    } else {
-        None
-    };
-    let planes = places(
-        &mut table,
-        "planes",
-        "a number of planes, or a list of planes",
-        |item| plane_of(item, &Units::SI),
-    )?;
-    let plane_distance = match table.get("plane_distance") {
-        Some(item) if plane.is_some() || matches!(planes, PlacesSpec::Listed(_)) => {
-            return Err(item
-                .error("the planes are given; expected planes that are drawn")
-                .with_help("write plane = \"random\", or planes = 1; or remove this key"));
-        }
-        Some(item) => Some(size(&item, Dimension::Length)?),
-        None => None,
-    };
-    let points = places(
-        &mut table,
-        "points",
-        "a number of points, or a list of points",
-        |item| Ok(point(item, &Units::SI)?.map(|c| c.value)),
-    )?;
-    let locations = places(
-        &mut table,
-        "locations",
-        "a number of locations, or a list of locations",
-        |item| pose(item, &Units::SI),
-    )?;
-    let distance = if kind == Kind::Distance {
-        size(
-            &table.require("distance", "expected a length")?,
-            Dimension::Length,
-        )?
-    } else {
-        0.0
-    };
+    let scene = kind.scene(&mut table)?;
     table.finish()?;
     Ok(SimulationSpec {
         name,
@@ -379,15 +283,13 @@ pub(super) fn constraint(
         robot: one,
         robots: two,
         target,
-        target_position,
+        target_position: Pose {
+            translation: target_position,
+            ..Pose::identity()
+        },
         frame,
         frame_pose,
-        plane,
-        planes,
-        plane_distance,
-        points,
-        locations,
-        distance,
+        scene,
         spans,
     })
 }
@@ -404,40 +306,11 @@ fn data_file(table: &mut Section<'_>) -> Result<Spanned<String>, InputError> {
     Ok(file)
 }
 
-fn places<T>(
-    table: &mut Section<'_>,
-    key: &str,
-    expected: &str,
-    one: impl Fn(&Item<'_>) -> Result<T, InputError>,
-) -> Result<PlacesSpec<T>, InputError> {
-    let Some(item) = table.get(key) else {
-        return Ok(PlacesSpec::Random(1));
-    };
-    if item.is_list() {
-        let listed = item
-            .list(expected)?
-            .iter()
-            .map(one)
-            .collect::<Result<Vec<T>, _>>()?;
-        if listed.is_empty() {
-            return Err(item
-                .error(format!("found an empty list; expected {expected}"))
-                .with_help("write 1 or more, or leave the key out for one"));
-        }
-        return Ok(PlacesSpec::Listed(listed));
-    }
-    let number = item.integer().map_err(|_| item.wrong_type(expected))?.value;
-    if number == 0 {
-        return Err(item
-            .error(format!("found 0; expected {expected}"))
-            .with_help("write 1 or more"));
-    }
-    Ok(PlacesSpec::Random(number))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::measurement::SceneGroups;
+    use truing::manifold::Point3;
 
     fn read(text: &str) -> Result<SimulationFile, InputError> {
         SimulationFile::parse(&format!("[robot]\nfile = 'r.toml'\n{text}"), "s.toml")
@@ -456,11 +329,13 @@ mod tests {
             (1e-3, 1e-3, true)
         );
         assert_eq!(file.errors.given[0].0.value, "theta2");
-        assert_eq!(file.constraints[0].planes, PlacesSpec::Random(2));
-        assert_eq!(
-            file.constraints[1].points,
-            PlacesSpec::Listed(vec![[0.1, 0.02, 0.0]])
-        );
+        let [planes, points] = [0, 1].map(|k| &file.constraints[k].scene.groups);
+        assert!(matches!(planes, SceneGroups::Drawn(2)));
+        let SceneGroups::Given(points) = points else {
+            panic!("points are listed");
+        };
+        let point = points[0][0].get::<Point3>();
+        assert_eq!(point, Some(&Vector3::new(0.1, 0.02, 0.0)));
         assert_eq!(file.constraints[1].name, "p");
     }
 

@@ -4,18 +4,15 @@ use std::collections::BTreeSet;
 use std::ops::Range;
 use std::path::Path;
 
-use super::RobotRef;
-use super::calibration::robots;
-use super::constraint_values::positive;
-use super::error::{InputError, Source, suggest};
-use super::estimate_spec::EstimateSpec;
-use super::item::Item;
-use super::quantity::{Dimension, Units};
-use super::section::{Document, Section, Spanned};
+use super::estimate::EstimateSpec;
+use super::robots::{RobotRef, robots};
+use crate::plugin::Registry;
+use crate::text::error::suggest;
+use crate::text::{Dimension, Document, InputError, Item, Section, Source, Spanned, Units};
 use super::simulation::{ErrorSpec, SimulationSpec, constraint, errors};
 
 /// What is measured in one part of a study.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Clone)]
 pub struct CaseSpec {
     /// The name, different from those of the others.
     pub name: String,
@@ -53,7 +50,7 @@ pub struct MethodSpec {
 }
 
 /// A study file.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Clone)]
 pub struct StudyFile {
     /// The file and its text.
     pub source: Source,
@@ -85,7 +82,16 @@ impl StudyFile {
     ///
     /// The file cannot be read, or is not a study file.
     pub fn read(path: impl AsRef<Path>) -> Result<Self, InputError> {
-        Self::from_source(Source::read(path)?)
+        Self::read_with(path, &Registry::default())
+    }
+
+    /// Reads a study file, which may also name what plugins add.
+    ///
+    /// # Errors
+    ///
+    /// As [`read`](Self::read).
+    pub fn read_with(path: impl AsRef<Path>, registry: &Registry) -> Result<Self, InputError> {
+        Self::from_source(Source::read(path)?, registry)
     }
 
     /// Reads the text of a study file; other files are found relative to `path`.
@@ -94,10 +100,10 @@ impl StudyFile {
     ///
     /// The text is not a study file.
     pub fn parse(text: &str, path: impl Into<std::path::PathBuf>) -> Result<Self, InputError> {
-        Self::from_source(Source::new(text, path))
+        Self::from_source(Source::new(text, path), &Registry::default())
     }
 
-    fn from_source(source: Source) -> Result<Self, InputError> {
+    fn from_source(source: Source, registry: &Registry) -> Result<Self, InputError> {
         if source.text.trim().is_empty() {
             return Err(source
                 .error("this study file is empty; expected [robot], [[case]] and [[method]]")
@@ -110,7 +116,7 @@ impl StudyFile {
         let configurations = count(&mut root, "configurations", 100)?;
         let tolerance = root
             .get("tolerance")
-            .map(|item| positive(&item, Dimension::Length, &Units::SI))
+            .map(|item| item.positive(Dimension::Length, &Units::SI))
             .transpose()?;
         let robots = robots(&mut root, source.folder())?;
         let (errors, tool_errors) = match root.table("errors")? {
@@ -125,7 +131,7 @@ impl StudyFile {
         };
         let mut cases: Vec<CaseSpec> = Vec::new();
         for table in root.tables("case")? {
-            cases.push(case(table, &source, &robots)?);
+            cases.push(case(table, &source, &robots, registry)?);
         }
         let methods = methods(&mut root)?;
         root.finish()?;
@@ -203,7 +209,7 @@ fn levels(mut table: Section<'_>) -> Result<(ErrorSpec, Vec<Spanned<f64>>), Inpu
             vec![item.clone()]
         };
         for level in list {
-            let value = positive(&level, Dimension::Length, &Units::SI)?;
+            let value = level.positive(Dimension::Length, &Units::SI)?;
             levels.push(Spanned::new(value, level.span()));
         }
         if levels.is_empty() || levels.len() > usize::from(u16::MAX) {
@@ -241,6 +247,7 @@ fn case(
     mut table: Section<'_>,
     source: &Source,
     robots: &[RobotRef],
+    registry: &Registry,
 ) -> Result<CaseSpec, InputError> {
     let span = table.span();
     let name = table.require("name", "expected what the case is called")?;
@@ -248,7 +255,7 @@ fn case(
     let mut constraints: Vec<SimulationSpec> = Vec::new();
     for inner in table.tables("constraint")? {
         let inner = inner.titled("[[case.constraint]]");
-        let mut spec = constraint(inner, source, robots, false)?;
+        let mut spec = constraint(inner, source, robots, registry, false)?;
         let stem = spec.name.clone();
         let mut number = 1;
         while constraints.iter().any(|other| other.name == spec.name) {

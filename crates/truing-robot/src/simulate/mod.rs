@@ -1,8 +1,8 @@
 //! Simulating robots with known errors, and measurements of them.
 
-mod sample;
 mod scenario;
+mod simulated;
 
-pub use sample::{Sampling, sample};
-pub use scenario::{Simulated, perturbed, simulate};
+pub use scenario::{perturbed, simulate};
+pub use simulated::Simulated;
 pub(crate) use scenario::{noise, template};

@@ -1,35 +1,21 @@
 //! From a simulation file to data: true robots, planes and points, and measurements of them.
 
-use super::sample::{Sampling, sample};
-use crate::calibration::{
-    Arm, Groups, Measured, MeasurementSet, Names, Sigma, State, in_unit_of, read_arms,
-};
+use super::simulated::Simulated;
 use crate::error::Error;
-use crate::file::{
-    ErrorSpec, InputError, Kind, PlacesSpec, PlaneSpec, RobotFile, SigmaSpec, SimulationFile,
-    SimulationSpec, Source,
+use crate::file::{ErrorSpec, SimulationFile, SimulationSpec};
+use crate::load::{Names, in_unit_of, read_arms};
+use crate::measurement::{
+    Groups, Kind, MeasurementSet, Placed, Places, Rows, Sampling, SceneGroups, TargetKind, sample,
 };
-use crate::kinematics::{Robot, Unit};
-use crate::posture;
+use crate::robot::{Arm, Robot, Unit};
+use crate::text::{InputError, Source};
+use crate::unknown::{Key, State, Value};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{StandardNormal, StandardUniform};
-use std::fmt::Write;
-use truing::manifold::{Plane, Pose};
+use std::sync::Arc;
+use truing::manifold::{Point3, Pose3};
 use truing::nalgebra::Vector3;
-
-/// Simulated data, ready to be written.
-#[derive(Debug, Clone)]
-pub struct Simulated {
-    /// The nominal robots.
-    pub arms: Vec<Arm>,
-    /// Robots, planes, points, frames and tool points as they truly are.
-    pub truth: State,
-    /// The measurements.
-    pub sets: Vec<MeasurementSet>,
-    /// Names of the data files, one a set.
-    pub files: Vec<String>,
-}
 
 /// The parameters of a robot with random errors of the given sizes (uniform, ±), for the parameters
 /// that `chosen` names.
@@ -66,10 +52,7 @@ pub fn perturbed(
 pub fn simulate(file: &SimulationFile, seed: Option<u64>) -> Result<Simulated, Error> {
     let arms = read_arms(&file.robots, &file.source)?;
     let seed = seed.unwrap_or(file.seed);
-    let mut truth = State {
-        robots: true_robots(file, &arms, seed)?,
-        ..State::default()
-    };
+    let mut truth = State::of(true_robots(file, &arms, seed)?);
     let (mut sets, mut files) = (Vec::new(), Vec::new());
     for (k, spec) in file.constraints.iter().enumerate() {
         // Each constraint draws from a stream of its own: adding one leaves the others as they were.
@@ -78,10 +61,10 @@ pub fn simulate(file: &SimulationFile, seed: Option<u64>) -> Result<Simulated, E
         let template = template(&file.source, &arms, spec, &mut truth, &mut rng)?;
         let sampling = Sampling {
             count: spec.count,
-            noise: Some(noise(spec)),
+            noise: Some(&noise(spec)),
             near: None,
         };
-        let set = sample(&arms, k, &template, &truth, &sampling, &mut rng);
+        let set = sample(&arms, &template, &truth, &sampling, &mut rng);
         sets.push(set.map_err(|error| at_its_table(error, file, spec))?);
         files.push(spec.data.value.clone());
     }
@@ -125,26 +108,13 @@ fn true_robots(file: &SimulationFile, arms: &[Arm], seed: u64) -> Result<Vec<Vec
     Ok(robots)
 }
 
-/// The noise that a constraint asks for.
-pub(crate) fn noise(spec: &SimulationSpec) -> Sigma {
-    match spec.sigma {
-        None => Sigma {
-            position: 0.0,
-            rotation: 0.0,
-        },
-        Some(SigmaSpec::Single(quantity)) => Sigma {
-            position: quantity.value,
-            rotation: if quantity.dimension.is_none() {
-                quantity.value
-            } else {
-                0.0
-            },
-        },
-        Some(SigmaSpec::Pose { position, rotation }) => Sigma { position, rotation },
-    }
+/// The noise that a constraint asks for, one standard deviation a measurand.
+pub(crate) fn noise(spec: &SimulationSpec) -> Vec<f64> {
+    let given = spec.sigma.iter();
+    given.map(|sigma| sigma.unwrap_or_default()).collect()
 }
 
-/// A set without rows, and its frame, tool point, planes, points and distance put into the truth.
+/// A set without rows, and its frame, target and unknowns put into the truth.
 pub(crate) fn template(
     source: &Source,
     arms: &[Arm],
@@ -158,17 +128,75 @@ pub(crate) fn template(
     };
     let first = spec.robots.as_ref().map(|r| &r[0]).or(spec.robot.as_ref());
     let robot = number(first.map(|name| name.value.as_str()));
-    let target = Vector3::from(spec.target_position);
+    place_shared(source, spec, robot, truth)?;
+    let mut places = Places {
+        robot: &arms[robot].robot,
+        parameters: &truth.robots[robot].clone(),
+        target: match spec.target {
+            Some(_) => spec.target_position.translation,
+            None => Vector3::zeros(),
+        },
+        middle: false,
+        rng,
+    };
+    let start = spec.scene.kind.as_ref().unwrap_or(&spec.kind);
+    let mut kind: Arc<dyn Kind> = start.clone();
+    let groups: Vec<Vec<Value>> = match &spec.scene.groups {
+        SceneGroups::Given(values) => values.clone(),
+        SceneGroups::Drawn(count) => {
+            let mut all = Vec::new();
+            for _ in 0..*count {
+                let Placed { kind: drawn, values } = start.place(&mut places);
+                kind = drawn.unwrap_or(kind);
+                all.push(values);
+            }
+            all
+        }
+    };
+    let names: Vec<String> = match kind.grouping() {
+        Some(_) => (1..=groups.len()).map(|k| k.to_string()).collect(),
+        None => vec![String::new()],
+    };
+    for (group, values) in names.iter().zip(groups) {
+        for (unknown, value) in kind.unknowns().iter().zip(values) {
+            truth.set_own(&spec.name, group, unknown.name, value);
+        }
+    }
+    let columns = kind.columns().len();
+    let mut set = MeasurementSet::of(&spec.name, kind, Vec::new(), Rows::new(columns)).robot(robot);
+    set.readings.groups = Groups {
+        names,
+        of_row: Vec::new(),
+    };
+    set.readings.frame = spec.frame.as_ref().map(|f| f.value.clone());
+    let other = spec.robots.as_ref().map(|names| number(Some(names[1].value.as_str())));
+    if let (Some(second), Some(other)) = (set.readings.tools.get_mut(1), other) {
+        second.robot = other;
+    }
+    if let Some(target) = &spec.target {
+        set = set.target(&target.value);
+    }
+    Ok(set)
+}
+
+/// The sensor frame and the target of a constraint, put into the truth.
+fn place_shared(
+    source: &Source,
+    spec: &SimulationSpec,
+    robot: usize,
+    truth: &mut State,
+) -> Result<(), Error> {
+    let target = spec.target_position;
     if let Some(name) = &spec.target {
-        let key = (robot, name.value.clone());
-        let known = truth.targets.insert(key, target);
-        differ(
-            source,
-            spec,
-            "target_position",
-            known.is_some_and(|known| known != target),
-        )?;
-    } else if spec.target_position != [0.0; 3] {
+        let value = match spec.kind.targets() {
+            TargetKind::Point => Value::of::<Point3>(target.translation),
+            TargetKind::Body => Value::of::<Pose3>(target),
+        };
+        let key = Key::Target(robot, name.value.clone());
+        let known = truth.set(key, value.clone());
+        let differs = known.is_some_and(|known| known != value);
+        differ(source, spec, "target_position", differs)?;
+    } else if target.translation != Vector3::zeros() {
         return Err(source
             .error_at(
                 spec.spans.of("target_position"),
@@ -178,115 +206,13 @@ pub(crate) fn template(
             .into());
     }
     if let Some(name) = &spec.frame {
-        let [x, y, z, qw, qx, qy, qz] = spec.frame_pose;
-        let pose = Pose::from_quaternion(Vector3::new(x, y, z), [qw, qx, qy, qz]);
-        let known = truth.frames.insert(name.value.clone(), pose);
-        differ(
-            source,
-            spec,
-            "frame_pose",
-            known.is_some_and(|known| known != pose),
-        )?;
+        let value = Value::of::<Pose3>(spec.frame_pose);
+        let key = Key::Frame(name.value.clone());
+        let known = truth.set(key, value.clone());
+        let differs = known.is_some_and(|known| known != value);
+        differ(source, spec, "frame_pose", differs)?;
     }
-    let arm = &arms[robot];
-    let mut somewhere = || {
-        let q = if spec.kind == Kind::SameLocation {
-            posture::dexterous(&arm.robot, &truth.robots[robot], rng)
-        } else {
-            posture::random(&posture::limits(&arm.robot), rng)
-        };
-        let target = if spec.target.is_some() {
-            target
-        } else {
-            Vector3::zeros()
-        };
-        let tool = arm.robot.forward(&truth.robots[robot], &q);
-        let location = Pose {
-            translation: tool.apply(&target),
-            rotation: tool.rotation,
-        };
-        let direction: Vector3<f64> = Vector3::from_fn(|_, _| rng.sample(StandardNormal));
-        (location, direction)
-    };
-    let drawn = |(location, direction): (Pose<f64>, Vector3<f64>)| {
-        let normal = direction.try_normalize(1e-12).unwrap_or_else(Vector3::z);
-        let through = normal.dot(&location.translation);
-        Plane {
-            normal,
-            // Of the two planes at a distance, the one on the side of what is within reach.
-            distance: spec
-                .plane_distance
-                .map_or(through, |distance| distance.copysign(through)),
-        }
-    };
-    let given = |plane: PlaneSpec| {
-        let (normal, distance) = plane.normalised();
-        Plane {
-            normal: normal.into(),
-            distance,
-        }
-    };
-    let (mut planes, mut points, mut locations) = (Vec::new(), Vec::new(), Vec::new());
-    let labels = |n: usize| (1..=n).map(|k| k.to_string()).collect::<Vec<_>>();
-    let measured = match spec.kind {
-        Kind::Position => Measured::Position(Vec::new()),
-        Kind::Pose => Measured::Pose(Vec::new()),
-        Kind::KnownPlane => Measured::KnownPlane(match spec.plane {
-            Some(plane) => given(plane),
-            None => drawn(somewhere()),
-        }),
-        Kind::UnknownPlane => {
-            planes = match &spec.planes {
-                PlacesSpec::Random(n) => (0..*n).map(|_| drawn(somewhere())).collect(),
-                PlacesSpec::Listed(listed) => listed.iter().copied().map(given).collect(),
-            };
-            Measured::UnknownPlane(Groups {
-                names: labels(planes.len()),
-                of_row: Vec::new(),
-            })
-        }
-        Kind::SamePoint => {
-            points = match &spec.points {
-                PlacesSpec::Random(n) => (0..*n).map(|_| somewhere().0.translation).collect(),
-                PlacesSpec::Listed(listed) => listed.iter().map(|p| Vector3::from(*p)).collect(),
-            };
-            Measured::SamePoint(Groups {
-                names: labels(points.len()),
-                of_row: Vec::new(),
-            })
-        }
-        Kind::SameLocation => {
-            locations = match &spec.locations {
-                PlacesSpec::Random(n) => (0..*n).map(|_| somewhere().0).collect(),
-                PlacesSpec::Listed(listed) => listed
-                    .iter()
-                    .map(|[x, y, z, qw, qx, qy, qz]| {
-                        Pose::from_quaternion(Vector3::new(*x, *y, *z), [*qw, *qx, *qy, *qz])
-                    })
-                    .collect(),
-            };
-            Measured::SameLocation(Groups {
-                names: labels(locations.len()),
-                of_row: Vec::new(),
-            })
-        }
-        Kind::Distance => Measured::Distance {
-            other: spec
-                .robots
-                .as_ref()
-                .map(|names| number(Some(names[1].value.as_str()))),
-            q_b: Vec::new(),
-            distance: Some(spec.distance),
-        },
-    };
-    truth.planes.push(planes);
-    truth.points.push(points);
-    truth.locations.push(locations);
-    truth.distances.push(spec.distance);
-    let mut set = MeasurementSet::new(&spec.name, robot, Vec::new(), measured);
-    set.target = spec.target.as_ref().map(|t| t.value.clone());
-    set.frame = spec.frame.as_ref().map(|f| f.value.clone());
-    Ok(set)
+    Ok(())
 }
 
 /// What is out of reach is so at the table that asks for it.
@@ -316,146 +242,4 @@ fn differ(
             "an earlier constraint put it somewhere else",
         )
         .with_help("give the same place, or use two names"))
-}
-
-impl Simulated {
-    /// The true robots, with their names in the simulation.
-    pub fn true_robots(&self) -> Vec<(String, RobotFile)> {
-        self.arms
-            .iter()
-            .zip(&self.truth.robots)
-            .map(|(arm, values)| (arm.name.clone(), arm.robot.with_parameters(values)))
-            .collect()
-    }
-
-    /// Set number `k` as CSV: joint columns, what was measured, groups; metres and radians.
-    pub fn csv(&self, k: usize) -> String {
-        let set = &self.sets[k];
-        let joints = |robot: usize| {
-            self.arms[robot]
-                .robot
-                .joints()
-                .iter()
-                .map(|j| j.name.clone())
-        };
-        let prefixed = |robot: usize, suffix: &str| -> Vec<String> {
-            let arm = &self.arms[robot].name;
-            joints(robot)
-                .map(|name| {
-                    if arm.is_empty() {
-                        format!("{name}{suffix}")
-                    } else {
-                        format!("{arm}.{name}{suffix}")
-                    }
-                })
-                .collect()
-        };
-        let mut header = prefixed(set.robot, "");
-        match &set.measured {
-            Measured::Distance { other: Some(b), .. } => header.extend(prefixed(*b, "")),
-            Measured::Distance { other: None, .. } => header.extend(prefixed(set.robot, "b")),
-            _ => {}
-        }
-        let columns: &[&str] = match &set.measured {
-            Measured::Position(_) => &["x", "y", "z"],
-            Measured::Pose(_) => &["x", "y", "z", "qw", "qx", "qy", "qz"],
-            Measured::UnknownPlane(_) => &["plane"],
-            Measured::SamePoint(_) => &["point"],
-            Measured::SameLocation(_) => &["location"],
-            _ => &[],
-        };
-        header.extend(columns.iter().map(|c| (*c).to_owned()));
-        let mut text = header.join(",") + "\n";
-        for row in 0..set.len() {
-            let mut cells: Vec<String> = set.q[row].iter().map(f64::to_string).collect();
-            match &set.measured {
-                Measured::Position(points) => cells.extend(points[row].iter().map(f64::to_string)),
-                Measured::Pose(poses) => {
-                    cells.extend(poses[row].translation.iter().map(f64::to_string));
-                    cells.extend(poses[row].quaternion().iter().map(f64::to_string));
-                }
-                Measured::UnknownPlane(groups)
-                | Measured::SamePoint(groups)
-                | Measured::SameLocation(groups) => {
-                    cells.push(groups.names[groups.of_row[row]].clone());
-                }
-                Measured::Distance { q_b, .. } => cells.extend(q_b[row].iter().map(f64::to_string)),
-                Measured::KnownPlane(_) => {}
-            }
-            text += &(cells.join(",") + "\n");
-        }
-        text
-    }
-
-    /// A calibration file that reads the data, with the robots under `robot_files`.
-    pub fn calibration_toml(&self, robot_files: &[String]) -> String {
-        let quoted = |text: &str| format!("{text:?}");
-        let mut out = String::new();
-        for (arm, file) in self.arms.iter().zip(robot_files) {
-            let title = if arm.name.is_empty() {
-                "robot".to_owned()
-            } else {
-                format!("robots.{}", arm.name)
-            };
-            let _ = writeln!(out, "[{title}]\nfile = {}\n", quoted(file));
-        }
-        out.push_str("[estimate]\nparameters = [\"all\"]\n");
-        for (set, data) in self.sets.iter().zip(&self.files) {
-            let _ = writeln!(out, "\n[[constraint]]\nname = {}", quoted(&set.name));
-            let _ = writeln!(
-                out,
-                "kind = \"{}\"\ndata = {}",
-                set.measured.kind(),
-                quoted(data)
-            );
-            let several = self.arms.len() > 1;
-            match &set.measured {
-                Measured::Distance { other: Some(b), .. } => {
-                    let names = [
-                        quoted(&self.arms[set.robot].name),
-                        quoted(&self.arms[*b].name),
-                    ];
-                    let _ = writeln!(out, "robots = [{}]", names.join(", "));
-                }
-                _ if several => {
-                    let _ = writeln!(out, "robot = {}", quoted(&self.arms[set.robot].name));
-                }
-                _ => {}
-            }
-            match &set.measured {
-                Measured::KnownPlane(p) => {
-                    let n = p.normal;
-                    let _ = writeln!(
-                        out,
-                        "plane = {{ normal = [{:?}, {:?}, {:?}], distance = {:?} }}",
-                        n.x, n.y, n.z, p.distance
-                    );
-                }
-                Measured::Distance {
-                    distance: Some(d), ..
-                } => {
-                    let _ = writeln!(out, "distance = {d:?}");
-                }
-                _ => {}
-            }
-            if let Some(sigma) = set.sigma.first() {
-                let _ = match &set.measured {
-                    Measured::Pose(_) | Measured::SameLocation(_) if sigma.rotation > 0.0 => {
-                        writeln!(
-                            out,
-                            "sigma = {{ position = {:?}, rotation = {:?} }}",
-                            sigma.position, sigma.rotation
-                        )
-                    }
-                    _ => writeln!(out, "sigma = {:?}", sigma.position),
-                };
-            }
-            for (key, value) in [("frame", &set.frame), ("target", &set.target)] {
-                if let Some(value) = value {
-                    let _ = writeln!(out, "{key} = {}", quoted(value));
-                }
-            }
-        }
-        out
-    }
 }

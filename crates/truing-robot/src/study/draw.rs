@@ -1,10 +1,11 @@
 //! What a trial draws: true robots, places, measurements, fresh configurations.
 
-use super::plan::{Case, Study};
-use crate::calibration::{MeasurementSet, Sigma, State};
+use super::cases::{Case, Study};
 use crate::error::Error;
-use crate::posture;
-use crate::simulate::{Sampling, noise, perturbed, sample, template};
+use crate::measurement::{MeasurementSet, Sampling, sample};
+use crate::robot::posture;
+use crate::simulate::{noise, perturbed, template};
+use crate::unknown::State;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
@@ -117,26 +118,20 @@ fn attempt_at(
     robots: &[Vec<f64>],
     rng: &mut ChaCha8Rng,
 ) -> Result<Drawn, Error> {
-    let mut truth = State {
-        robots: robots.to_vec(),
-        ..State::default()
-    };
+    let mut truth = State::of(robots.to_vec());
     let (mut sets, mut fresh) = (Vec::new(), Vec::new());
-    for (k, spec) in case.constraints.iter().enumerate() {
+    for spec in &case.constraints {
         let empty = template(&study.source, &study.arms, spec, &mut truth, rng)?;
-        let groups = empty
-            .measured
-            .groups()
-            .map_or(1, |groups| groups.names.len().max(1));
-        let mut drawn = |count: usize, noise: Option<Sigma>| {
+        let groups = empty.groups.len().max(1);
+        let mut drawn = |count: usize, noise: Option<&[f64]>| {
             let sampling = Sampling {
                 count,
                 noise,
                 near: None,
             };
-            sample(&study.arms, k, &empty, &truth, &sampling, rng)
+            sample(&study.arms, &empty, &truth, &sampling, rng)
         };
-        sets.push(drawn(spec.count, Some(noise(spec)))?);
+        sets.push(drawn(spec.count, Some(&noise(spec)))?);
         fresh.push(drawn(study.configurations.div_ceil(groups), None)?);
     }
     Ok(Drawn { truth, sets, fresh })

@@ -1,14 +1,16 @@
 //! Whether an estimate is the true robot, up to what its measurements cannot see.
 
 use super::draw::Drawn;
-use super::plan::{Case, Study};
-use crate::calibration::{
-    Assembly, Choice, ErrorSummary, Estimated, Measured, MeasurementSet, Owner, State,
-    rigid_registration,
-};
-use crate::constraint::Derivatives;
+use super::cases::{Case, Study};
 use crate::error::Error;
-use crate::kinematics::Unit;
+use crate::estimate::Estimated;
+use crate::identify::Choice;
+use crate::judge::ErrorSummary;
+use crate::measurement::MeasurementSet;
+use crate::measurement::fit::rigid_registration;
+use crate::model::{Assembly, Owner, errors_of};
+use crate::robot::{Derivatives, Unit};
+use crate::unknown::State;
 use std::collections::BTreeSet;
 use std::f64::consts::{PI, TAU};
 use truing::nalgebra::Vector3;
@@ -86,19 +88,20 @@ pub(super) fn bodies(robots: usize, sets: &[MeasurementSet]) -> Vec<Body> {
             .for_each(|body| *body = to);
     };
     for set in sets {
-        if let Measured::Distance { other: Some(b), .. } = set.measured {
-            join(set.robot, b);
+        let first = set.tool().robot;
+        for tool in &set.tools[1..] {
+            join(first, tool.robot);
         }
         for other in sets {
             if set.frame.is_some() && set.frame == other.frame {
-                join(set.robot, other.robot);
+                join(first, other.tool().robot);
             }
         }
     }
     let seen = |set: &&MeasurementSet| {
-        matches!(set.measured, Measured::Position(_) | Measured::Pose(_)) && set.frame.is_none()
+        set.kind.has_frame() && set.frame.is_none()
     };
-    let pinned: BTreeSet<usize> = sets.iter().filter(seen).map(|set| of[set.robot]).collect();
+    let pinned: BTreeSet<usize> = sets.iter().filter(seen).map(|set| of[set.tool().robot]).collect();
     let each = (0..robots).map(|body| Body {
         robots: (0..robots).filter(|r| of[*r] == body).collect(),
         pinned: pinned.contains(&body),
@@ -122,10 +125,7 @@ pub(super) fn judge(
     let values = assembly.problem.initial();
     let mut errors = Vec::new();
     for (k, set) in drawn.fresh.iter().enumerate() {
-        errors.extend(ErrorSummary::lengths(
-            &assembly.residuals(k, values),
-            set.dim(),
-        ));
+        errors.extend(errors_of(set, 0, &assembly.residuals(k, values)));
     }
     // Of several bodies, each is moved by itself.
     let (mut squares, mut count) = (0.0, 0);
@@ -157,17 +157,17 @@ fn tips(
 ) -> Vec<Vector3<f64>> {
     let mut all = Vec::new();
     for r in &body.robots {
-        let of_robot = sets.iter().filter(|set| set.robot == *r);
+        let of_robot = sets.iter().filter(|set| set.tool().robot == *r);
         let mut names: BTreeSet<Option<&String>> =
-            of_robot.map(|set| set.target.as_ref()).collect();
+            of_robot.map(|set| set.tool().target.as_ref()).collect();
         if names.is_empty() {
             names.insert(None);
         }
         for q in &postures[*r] {
             let tool = study.arms[*r].robot.forward(&state.robots[*r], q);
             for name in &names {
-                let point = name.and_then(|name| state.targets.get(&(*r, name.clone())));
-                all.push(tool.apply(&point.copied().unwrap_or_default()));
+                let point = name.and_then(|name| state.target(*r, name));
+                all.push(tool.apply(&point.unwrap_or_default()));
             }
         }
     }
@@ -198,7 +198,7 @@ fn parameters(study: &Study, truth: &State, estimated: &Estimated) -> (f64, f64)
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::calibration::Groups;
+    use crate::measurement::{Tool, kinds};
     use truing::manifold::{Pose, so3};
 
     fn cloud() -> Vec<Vector3<f64>> {
@@ -237,17 +237,11 @@ mod tests {
 
     #[test]
     fn robots_that_are_measured_together_move_together() {
-        let set = |robot, measured| MeasurementSet::new("s", robot, Vec::new(), measured);
-        let plane = |robot| set(robot, Measured::UnknownPlane(Groups::default()));
-        let between = set(
-            2,
-            Measured::Distance {
-                other: Some(0),
-                q_b: Vec::new(),
-                distance: None,
-            },
-        );
-        let seen = set(1, Measured::Position(Vec::new()));
+        let plane = |robot| kinds::unknown_plane("s", Vec::new(), [""; 0]).robot(robot);
+        let second = Tool::default();
+        let between = kinds::distance("s", Vec::new(), Vec::new(), None);
+        let between = between.robot(2).second(second);
+        let seen = kinds::position("s", Vec::new(), &[]).robot(1);
         let found = bodies(3, &[plane(0), between, seen.clone()]);
         assert_eq!(found.len(), 2);
         assert_eq!(
@@ -255,7 +249,10 @@ mod tests {
             (&[0, 2][..], false)
         );
         assert_eq!((&found[1].robots[..], found[1].pinned), (&[1][..], true));
-        let framed = [0, 1].map(|r| set(r, Measured::Position(Vec::new())).frame("tracker"));
+        let framed = [0, 1].map(|r| {
+            let set = kinds::position("s", Vec::new(), &[]);
+            set.robot(r).frame("tracker")
+        });
         let found = bodies(2, &framed);
         assert_eq!((found.len(), found[0].pinned), (1, false));
     }

@@ -1,9 +1,9 @@
 //! Errors scaled to a mean initial tool error.
 
 use super::draw::{self, Stream};
-use super::plan::{Case, Study};
+use super::cases::{Case, Study};
 use crate::error::Error;
-use crate::file::Spanned;
+use crate::text::Spanned;
 
 /// Errors of a case at a level, the same factor for all trials.
 #[derive(Debug, Clone, Copy)]

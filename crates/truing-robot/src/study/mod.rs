@@ -11,8 +11,10 @@ mod judge;
 mod level;
 mod plan;
 mod run;
+mod cases;
 mod summary;
 
 pub use judge::{Symmetry, tool_error};
-pub use plan::{Study, load_study};
+pub use plan::load_study;
+pub use cases::Study;
 pub use summary::{Counts, StudyResult, StudyRow};

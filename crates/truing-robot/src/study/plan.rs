@@ -1,59 +1,17 @@
 //! From a study file to a study that can run: robots read, names understood, an example tried.
 
 use super::draw::{self, Drawn, Purpose, Stream};
-use crate::calibration::{
-    Arm, Calibration, Choice, Estimate, Estimated, Form, Names, Owner, Plugin, Registration,
-    estimate, read_arms,
-};
+use super::cases::{Case, Forms, Method, Study};
 use crate::error::Error;
-use crate::file::{
-    CaseSpec, ErrorSpec, InputError, Kind, MethodSpec, SimulationSpec, Source, Spanned, StartKind,
-    StudyFile,
-};
+use crate::estimate::{Calibration, Estimated, Registration};
+use crate::file::{CaseSpec, MethodSpec, StartKind, StudyFile};
+use crate::identify::Choice;
+use crate::load::{Names, estimate, read_arms};
+use crate::measurement::Kind;
+use crate::model::Owner;
+use crate::plugin::Registry;
 use crate::simulate::noise;
-use std::sync::Arc;
-
-/// A study, ready to run.
-pub struct Study {
-    pub(super) source: Source,
-    pub(super) seed: u64,
-    pub(super) trials: usize,
-    pub(super) configurations: usize,
-    pub(super) arms: Vec<Arm>,
-    pub(super) errors: ErrorSpec,
-    pub(super) levels: Vec<Spanned<f64>>,
-    pub(super) cases: Vec<Case>,
-    pub(super) methods: Vec<Method>,
-}
-
-/// A part of a study: what is measured, and what is wrong.
-pub(super) struct Case {
-    pub name: String,
-    pub constraints: Vec<SimulationSpec>,
-    /// Which parameters of which robot have errors.
-    pub chosen: Vec<Vec<bool>>,
-    /// Whether only parameters have errors that are estimated, so that estimates can be compared
-    /// with the truth one by one.
-    pub comparable: bool,
-    /// Whether true robots may be larger or smaller in a way that the measurements cannot see.
-    pub scale_free: bool,
-    /// Errors up to which a robot counts as recovered [m].
-    pub tolerance: f64,
-    /// The forms of the sets for every method; none where a method is not for this case.
-    pub forms: Vec<Option<Forms>>,
-}
-
-/// The equations of every set of a case; none for a set with this crate's own.
-pub(super) type Forms = Vec<Option<Arc<dyn Form>>>;
-
-/// A way to estimate.
-pub(super) struct Method {
-    pub name: String,
-    pub registration: Registration,
-    /// Whether it starts at the true robots.
-    pub from_truth: bool,
-    pub estimate: Estimate,
-}
+use crate::text::{InputError, Spanned};
 
 /// Errors on fresh configurations up to which a robot counts as recovered where nothing has noise \[m\].
 pub const EXACT: f64 = 1e-6;
@@ -66,7 +24,7 @@ pub const NOISE: f64 = 50.0;
 ///
 /// # Errors
 /// Whatever is wrong with a file, or too little is measured in a case to estimate from.
-pub fn load_study(file: &StudyFile, plugins: &[&dyn Plugin]) -> Result<Study, Error> {
+pub fn load_study(file: &StudyFile, registry: &Registry) -> Result<Study, Error> {
     let arms = read_arms(&file.robots, &file.source)?;
     let mut methods = Vec::new();
     for spec in &file.methods {
@@ -78,7 +36,7 @@ pub fn load_study(file: &StudyFile, plugins: &[&dyn Plugin]) -> Result<Study, Er
             } else {
                 Registration::IfFar
             },
-            estimate: estimate(&spec.estimate, &file.source, &arms, plugins)?,
+            estimate: estimate(&spec.estimate, &file.source, &arms, registry)?,
         });
     }
     let mut study = Study {
@@ -93,10 +51,10 @@ pub fn load_study(file: &StudyFile, plugins: &[&dyn Plugin]) -> Result<Study, Er
         methods,
     };
     for spec in &file.methods {
-        check_method(spec, file, plugins)?;
+        check_method(spec, file, registry)?;
     }
     for spec in &file.cases {
-        let case = study.case(spec, file, plugins)?;
+        let case = study.case(spec, file, registry)?;
         study.cases.push(case);
     }
     Ok(study)
@@ -106,7 +64,7 @@ pub fn load_study(file: &StudyFile, plugins: &[&dyn Plugin]) -> Result<Study, Er
 fn check_method(
     spec: &MethodSpec,
     file: &StudyFile,
-    plugins: &[&dyn Plugin],
+    registry: &Registry,
 ) -> Result<(), InputError> {
     let Some(form) = &spec.form else {
         return Ok(());
@@ -114,18 +72,19 @@ fn check_method(
     if file
         .cases
         .iter()
-        .any(|case| forms(Some(form), case, plugins).is_some())
+        .any(|case| forms(Some(form), case, registry).is_some())
     {
         return Ok(());
     }
-    let methods = || plugins.iter().flat_map(|plugin| plugin.methods());
-    let message = if methods().any(|(name, _)| name == form.value) {
+    let methods = || registry.methods().iter();
+    let message = if methods().any(|method| method.name() == form.value) {
         format!("the method `{}` is for none of the cases", form.value)
     } else {
         format!("there is no method `{}`", form.value)
     };
     let known: Vec<String> = methods()
-        .map(|(name, kind)| format!("{name} ({})", kind.name()))
+        .flat_map(|method| method.kinds().iter().map(|kind| (method.name(), *kind)))
+        .map(|(name, kind)| format!("{name} ({kind})"))
         .collect();
     let help = match known.as_slice() {
         [] => "leave `method` out".to_owned(),
@@ -144,46 +103,28 @@ fn check_method(
 fn forms(
     method: Option<&Spanned<String>>,
     case: &CaseSpec,
-    plugins: &[&dyn Plugin],
+    registry: &Registry,
 ) -> Option<Forms> {
-    let form = |kind: Kind| match method {
+    let form = |kind: &dyn Kind| match method {
         None => Some(None),
-        Some(method) => plugins
-            .iter()
-            .find_map(|plugin| plugin.form(&method.value, kind))
+        Some(method) => registry
+            .method(&method.value, kind.name())
+            .cloned()
             .map(Some),
     };
     case.constraints
         .iter()
-        .map(|spec| form(spec.kind))
+        .map(|spec| form(&*spec.kind))
         .collect()
 }
 
 impl Study {
-    /// How many trials there are, over all cases and tool errors.
-    pub fn trials(&self) -> usize {
-        self.cases.len() * self.levels.len().max(1) * self.trials
-    }
-
-    /// The names of the cases.
-    pub fn cases(&self) -> Vec<&str> {
-        self.cases.iter().map(|case| case.name.as_str()).collect()
-    }
-
-    /// The names of the methods.
-    pub fn methods(&self) -> Vec<&str> {
-        self.methods
-            .iter()
-            .map(|method| method.name.as_str())
-            .collect()
-    }
-
     /// Understands a case: tries its methods on the nominal robot, which shows what is estimated.
     fn case(
         &self,
         spec: &CaseSpec,
         file: &StudyFile,
-        plugins: &[&dyn Plugin],
+        registry: &Registry,
     ) -> Result<Case, Error> {
         let nowhere: Vec<Vec<bool>> = self
             .arms
@@ -191,9 +132,8 @@ impl Study {
             .map(|arm| vec![false; arm.robot.parameters().len()])
             .collect();
         let noise = spec.constraints.iter().map(|constraint| {
-            let sigma = noise(constraint);
             // A rotation at an arm's length.
-            sigma.position.max(sigma.rotation)
+            noise(constraint).into_iter().fold(0.0, f64::max)
         });
         let noise = noise.fold(0.0, f64::max);
         let methods = file.methods.iter();
@@ -205,7 +145,7 @@ impl Study {
             scale_free: false,
             tolerance: file.tolerance.unwrap_or(EXACT + NOISE * noise),
             forms: methods
-                .map(|method| forms(method.form.as_ref(), spec, plugins))
+                .map(|method| forms(method.form.as_ref(), spec, registry))
                 .collect(),
         };
         let drawn = self.example(&case, spec)?;
@@ -281,12 +221,12 @@ impl Study {
         let mut sets = drawn.sets.clone();
         for (set, form) in sets.iter_mut().zip(forms) {
             if let Some(form) = form {
-                if let Err(message) = form.check(set) {
+                if let Err(message) = form.check(&*set.kind, &set.readings) {
                     let message = format!("`{}`: {message}", set.name);
                     let help = "change the measurements, or leave `method` out";
                     return Some(Err(Error::calibration(message, help)));
                 }
-                set.form = Some(form.clone());
+                set.method = Some(form.clone());
             }
         }
         let mut calibration = Calibration {

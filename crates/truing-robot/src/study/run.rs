@@ -3,7 +3,7 @@
 use super::draw::{self, Purpose, Stream};
 use super::judge::judge;
 use super::level::{Scaled, scale};
-use super::plan::Study;
+use super::cases::Study;
 use super::summary::{Outcome, StudyResult, Trial};
 use crate::error::Error;
 use rayon::prelude::*;

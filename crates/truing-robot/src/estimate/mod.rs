@@ -1,0 +1,24 @@
+//! The estimate: a calibration as plain data, checked, started, solved.
+
+mod calibration;
+mod check_sets;
+mod columns;
+mod estimated;
+mod far;
+mod job;
+mod robust;
+mod search;
+mod small_groups;
+mod solve;
+mod stage;
+mod tempered;
+mod touches;
+mod whole;
+pub(crate) mod words;
+
+pub use calibration::{Calibration, Estimate, Strategy};
+pub use estimated::Estimated;
+pub use stage::Stage;
+pub use whole::Registration;
+pub(crate) use check_sets::ordinary;
+pub(crate) use job::Job;

@@ -1,0 +1,19 @@
+//! What an estimate is worth: errors, how sure it is, what does not fit, what is doubtful.
+
+pub(crate) mod doubt;
+mod errors;
+mod figures;
+mod outlier;
+mod prediction;
+mod statistics;
+mod tool;
+mod uncertainty;
+
+pub use figures::{
+    Correlated, ErrorSeries, ErrorSummary, GlobalTest, MeasurementStatistics, Outlier, SetResult,
+    ToolUncertainty,
+};
+pub use tool::ToolPose;
+pub use uncertainty::Uncertainty;
+pub(crate) use errors::Fitted;
+pub(crate) use statistics::Statistics;

@@ -1,0 +1,10 @@
+//! Typed results, and putting them together.
+
+mod calibration_result;
+mod report;
+
+pub use calibration_result::{
+    CalibrationResult, ComponentEstimate, FrameEstimate, LocationEstimate, ParameterResult,
+    PlaneEstimate, PointEstimate, TargetEstimate, TerminationReport, UnknownEstimate,
+};
+pub(crate) use report::Report;

@@ -8,17 +8,17 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 use truing::solver::Progress;
-use truing_planar::Planar;
-use truing_robot::calibration::{Calibration, Outcome, load_with};
 use truing_robot::file::CalibrationFile;
+use truing_robot::load::load_with;
+use truing_robot::{Calibration, Outcome};
 
 /// Runs a calibration file.
 pub fn run(arguments: &Calibrate, streams: &Streams) -> Result<Ending, Failure> {
     if let Some(folder) = &arguments.output {
         output::check(folder, arguments.force)?;
     }
-    let file = CalibrationFile::read(&arguments.file)?;
-    let mut calibration = load_with(&file, &[&Planar])?;
+    let file = CalibrationFile::read_with(&arguments.file, &streams.registry)?;
+    let mut calibration = load_with(&file, &streams.registry)?;
     tracing::info!(
         "robots: {}, sets of measurements: {}, measurements: {}",
         calibration.arms.len(),

@@ -2,23 +2,23 @@
 
 use crate::args::Check;
 use crate::failure::Failure;
-use crate::show::{lines, number, table};
+use crate::words::{lines, number, table};
 use crate::{Ending, Streams};
 use std::fmt::Write;
-use truing_planar::Planar;
-use truing_robot::calibration::{Plugin, SetCheck, Way, load_with};
-use truing_robot::constraint::Derivatives;
+use truing_robot::check::{SetCheck, Way};
 use truing_robot::file::CalibrationFile;
+use truing_robot::load::load_with;
+use truing_robot::robot::Derivatives;
 
 /// Compares the Jacobians of a calibration file.
 pub fn run(arguments: &Check, streams: &Streams) -> Result<Ending, Failure> {
-    let file = CalibrationFile::read(&arguments.file)?;
-    let calibration = load_with(&file, &[&Planar])?;
+    let file = CalibrationFile::read_with(&arguments.file, &streams.registry)?;
+    let calibration = load_with(&file, &streams.registry)?;
     let mut ways = Vec::new();
-    if let Some(analytic) = Planar.analytic() {
+    if let Some(analytic) = streams.registry.analytic() {
         ways.push(Way {
             name: "analytic",
-            derivatives: Derivatives::Regressor(analytic),
+            derivatives: Derivatives::Regressor(analytic.clone()),
             tolerance: Way::EXACT,
         });
     }

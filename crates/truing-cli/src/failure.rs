@@ -6,7 +6,7 @@ use miette::{
 use std::fmt;
 use std::path::{Path, PathBuf};
 use truing_robot::Error;
-use truing_robot::file::InputError;
+use truing_robot::text::InputError;
 
 /// Bad input: exit status 2.
 #[derive(Debug, Clone)]

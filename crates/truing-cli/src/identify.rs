@@ -4,19 +4,22 @@ use crate::args::Identify;
 use crate::failure::Failure;
 use crate::{Ending, Streams, show_identify};
 use std::path::Path;
+use std::sync::Arc;
 use truing::manifold::Plane;
-use truing_planar::Planar;
-use truing_robot::Robot;
-use truing_robot::calibration::{Asked, Identification, RobotQuestion, load_with};
-use truing_robot::file::{
-    CalibrationFile, Document, InputError, Kind, PlaneSpec, RobotFile, Source, nearest,
-};
+use truing_robot::file::CalibrationFile;
+use truing_robot::identify::{Asked, Identification, RobotQuestion};
+use truing_robot::kinds::KnownPlaneTouches;
+use truing_robot::load::load_with;
+use truing_robot::measurement::Kind;
+use truing_robot::robot::RobotFile;
+use truing_robot::text::{Document, InputError, Source, nearest};
+use truing_robot::{Registry, Robot};
 
 /// Answers what a calibration file, or kinds of measurements of a robot, identify.
 pub fn run(arguments: &Identify, streams: &Streams) -> Result<Ending, Failure> {
     let answer = match file_kind(&arguments.file)? {
-        FileKind::Calibration => calibration(arguments)?,
-        FileKind::Robot => robot(arguments)?,
+        FileKind::Calibration => calibration(arguments, &streams.registry)?,
+        FileKind::Robot => robot(arguments, &streams.registry)?,
     };
     streams.say(&show_identify::answer(&answer));
     if streams.json {
@@ -65,7 +68,10 @@ fn file_kind(path: &Path) -> Result<FileKind, InputError> {
         .with_help("name a calibration file or a robot file"))
 }
 
-fn calibration(arguments: &Identify) -> Result<Identification, Failure> {
+fn calibration(
+    arguments: &Identify,
+    registry: &Registry,
+) -> Result<Identification, Failure> {
     let given = [
         ("--kind", !arguments.kinds.is_empty(), "constraints"),
         ("--plane", !arguments.planes.is_empty(), "constraints"),
@@ -91,14 +97,17 @@ fn calibration(arguments: &Identify) -> Result<Identification, Failure> {
         )
         .about(&arguments.file));
     }
-    let calibration = load_with(&CalibrationFile::read(&arguments.file)?, &[&Planar])?;
+    let calibration = load_with(
+        &CalibrationFile::read_with(&arguments.file, registry)?,
+        registry,
+    )?;
     let answer = calibration.identify(arguments.seed);
     answer.map_err(|e| Failure::from(e).about(&arguments.file))
 }
 
-fn robot(arguments: &Identify) -> Result<Identification, Failure> {
+fn robot(arguments: &Identify, registry: &Registry) -> Result<Identification, Failure> {
     let robot = Robot::new(&RobotFile::read(&arguments.file)?);
-    let mut question = RobotQuestion::new(robot, asked(arguments)?);
+    let mut question = RobotQuestion::new(robot, asked(arguments, registry)?);
     question.parameters.clone_from(&arguments.parameters);
     question.fixed.clone_from(&arguments.fixed);
     question.preference.clone_from(&arguments.preference);
@@ -109,66 +118,75 @@ fn robot(arguments: &Identify) -> Result<Identification, Failure> {
     answer.map_err(|e| Failure::from(e).about(&arguments.file))
 }
 
+/// The kinds whose planes the arguments are about.
+const KNOWN: &str = "known-plane";
+const UNKNOWN: &str = "unknown-plane";
+
 /// What would be measured, in the order asked: given planes where their kind is, or last.
-fn asked(arguments: &Identify) -> Result<Vec<Asked>, Failure> {
-    let mut kinds = Vec::new();
+fn asked(arguments: &Identify, registry: &Registry) -> Result<Vec<Asked>, Failure> {
+    let mut names: Vec<&str> = Vec::new();
     for name in &arguments.kinds {
-        let kind = kind(name)?;
-        if !kinds.contains(&kind) {
-            kinds.push(kind);
+        let name = kind(name, registry)?.name();
+        if !names.contains(&name) {
+            names.push(name);
         }
     }
     let mut given: Vec<Asked> = Vec::new();
     for text in &arguments.planes {
-        given.push(Asked::KnownPlane(plane(text)?));
+        given.push(Asked::given(KnownPlaneTouches {
+            plane: plane(text)?,
+            ..KnownPlaneTouches::default()
+        }));
     }
-    if !given.is_empty() && !kinds.contains(&Kind::KnownPlane) {
-        kinds.push(Kind::KnownPlane);
+    if !given.is_empty() && !names.contains(&KNOWN) {
+        names.push(KNOWN);
     }
     let random = usize::from(arguments.random_planes.unwrap_or(1));
-    let known_only = kinds.contains(&Kind::KnownPlane) && given.is_empty();
-    let unknown = kinds.contains(&Kind::UnknownPlane);
+    let known_only = names.contains(&KNOWN) && given.is_empty();
+    let unknown = names.contains(&UNKNOWN);
     if arguments.random_planes.is_some() && !unknown && !known_only {
-        kinds.push(Kind::UnknownPlane);
+        names.push(UNKNOWN);
     }
-    if kinds.is_empty() {
+    if names.is_empty() {
         return Err(Failure::new(
             "it is not said what would be measured",
             format!(
                 "add for instance --kind position; the kinds are {}",
-                names()
+                all_names(registry).join(", ")
             ),
         )
         .about(&arguments.file));
     }
     let mut asked = Vec::new();
-    for kind in kinds {
-        let count = match kind {
-            Kind::UnknownPlane => random,
-            Kind::KnownPlane if unknown => 1,
-            Kind::KnownPlane => random,
+    for name in names {
+        let count = match name {
+            UNKNOWN => random,
+            KNOWN if unknown => 1,
+            KNOWN => random,
             _ => 1,
         };
-        match kind {
-            Kind::KnownPlane if !given.is_empty() => asked.append(&mut given),
-            _ => asked.extend(std::iter::repeat_n(Asked::Kind(kind), count)),
+        if name == KNOWN && !given.is_empty() {
+            asked.append(&mut given);
+            continue;
         }
+        let kind = kind(name, registry)?;
+        asked.extend(std::iter::repeat_n(Asked::kind(kind.clone()), count));
     }
     Ok(asked)
 }
 
-fn names() -> String {
-    Kind::ALL.map(Kind::name).join(", ")
+fn all_names(registry: &Registry) -> Vec<&'static str> {
+    registry.kinds().iter().map(|kind| kind.name()).collect()
 }
 
-fn kind(name: &str) -> Result<Kind, Failure> {
-    Kind::from_name(name).ok_or_else(|| {
-        let near = nearest(name, Kind::ALL.map(Kind::name));
+fn kind<'r>(name: &str, registry: &'r Registry) -> Result<&'r Arc<dyn Kind>, Failure> {
+    registry.kind(name).ok_or_else(|| {
+        let names = all_names(registry);
         Failure::new(
             format!("--kind: there is no kind `{name}`"),
-            match near {
+            match nearest(name, names.iter().copied()) {
                 Some(near) => format!("did you mean `{near}`?"),
-                None => format!("the kinds are {}", names()),
+                None => format!("the kinds are {}", names.join(", ")),
             },
         )
     })
@@ -190,16 +208,13 @@ fn plane(text: &str) -> Result<Plane<f64>, Failure> {
     let [x, y, z, distance] = numbers[..] else {
         return Err(refuse("four numbers"));
     };
-    let spec = PlaneSpec::NormalDistance {
-        normal: [x, y, z],
-        distance,
-    };
-    let (normal, distance) = spec.normalised();
-    if !distance.is_finite() || normal.iter().any(|n| !n.is_finite()) {
+    let length = x.hypot(y).hypot(z);
+    let [x, y, z, distance] = [x, y, z, distance].map(|number| number / length);
+    if [x, y, z, distance].iter().any(|number| !number.is_finite()) {
         return Err(refuse("finite numbers and a normal that is not zero"));
     }
     Ok(Plane {
-        normal: normal.into(),
+        normal: [x, y, z].into(),
         distance,
     })
 }

@@ -1,14 +1,16 @@
 //! The report as one HTML page that needs nothing else.
 
 use crate::failure::Failure;
-use crate::show::{number, people, set_aside, taken_over};
+use crate::show::{digits, own_numbers, people, set_aside, taken_over};
 use crate::show_statistics::{place, probability, sentences};
 use minijinja::{Environment, context};
 use plotters::prelude::*;
+use crate::words::{number, shown, titled};
 use std::collections::BTreeSet;
-use truing_robot::calibration::{
-    CalibrationResult, Correlated, ErrorSeries, ErrorSummary, Outcome, Outlier, Status,
-};
+use truing_robot::Outcome;
+use truing_robot::identify::Status;
+use truing_robot::judge::{Correlated, ErrorSeries, ErrorSummary, Outlier};
+use truing_robot::result::CalibrationResult;
 
 const TEMPLATE: &str = include_str!("report.html");
 
@@ -29,13 +31,16 @@ pub fn html(outcome: &Outcome, source: &str) -> Result<String, Failure> {
         } else {
             "rows that were used"
         };
-        let what = match series.kind.as_str() {
-            "known-plane" | "unknown-plane" | "distance" => "signed errors",
-            _ => "lengths of the errors",
+        let what = if series.signed {
+            "signed errors"
+        } else {
+            "lengths of the errors"
         };
         let caption = format!(
-            "{} ({}), {rows}: {what} [mm], measurement by measurement",
-            series.name, series.kind
+            "{} ({}), {rows}: {what} [{}], measurement by measurement",
+            series.name,
+            series.kind,
+            shown(series.unit).1
         );
         plots.push(context! { svg, caption });
     }
@@ -64,14 +69,16 @@ pub fn html(outcome: &Outcome, source: &str) -> Result<String, Failure> {
             }
         })
         .collect();
-    let rms = |e: &Option<ErrorSummary>| {
-        e.as_ref()
-            .map_or_else(|| "–".into(), |e| number(e.rms * 1e3))
+    let shown_error = |e: Option<f64>, unit: &str| {
+        let (factor, unit) = shown(unit);
+        let other = match unit {
+            "mm" => String::new(),
+            unit => format!(" {unit}"),
+        };
+        e.map_or_else(|| "–".into(), |e| number(e * factor) + &other)
     };
-    let max = |e: &Option<ErrorSummary>| {
-        e.as_ref()
-            .map_or_else(|| "–".into(), |e| number(e.max * 1e3))
-    };
+    let rms = |e: &Option<ErrorSummary>, unit: &str| shown_error(e.as_ref().map(|e| e.rms), unit);
+    let max = |e: &Option<ErrorSummary>, unit: &str| shown_error(e.as_ref().map(|e| e.max), unit);
     let used = result.constraints.iter().map(|set| (set, ""));
     let unused = result.validation.iter().map(|set| (set, " (not used)"));
     let sets: Vec<_> = used
@@ -79,8 +86,9 @@ pub fn html(outcome: &Outcome, source: &str) -> Result<String, Failure> {
         .map(|(set, note)| {
             context! {
                 name => format!("{}{note}", set.name), kind => set.kind, count => set.count,
-                before => rms(&set.before), registered => rms(&set.registered), after => rms(&set.after),
-                registered_max => max(&set.registered), after_max => max(&set.after),
+                before => rms(&set.before, set.unit), registered => rms(&set.registered, set.unit),
+                after => rms(&set.after, set.unit), registered_max => max(&set.registered, set.unit),
+                after_max => max(&set.after, set.unit),
             }
         })
         .collect();
@@ -165,14 +173,14 @@ fn places(result: &CalibrationResult) -> Vec<minijinja::Value> {
         );
         all.push(place(
             "plane",
-            format!("{}[{}]", plane.constraint, plane.group),
+            titled(&plane.constraint, &plane.group),
             text,
         ));
     }
     for point in &result.points {
         all.push(place(
             "point",
-            format!("{}[{}]", point.constraint, point.group),
+            titled(&point.constraint, &point.group),
             meters(point.position),
         ));
     }
@@ -182,6 +190,12 @@ fn places(result: &CalibrationResult) -> Vec<minijinja::Value> {
             name.clone(),
             format!("{} mm", number(distance * 1e3)),
         ));
+    }
+    for component in own_numbers(result) {
+        let (factor, unit) = shown(component.unit);
+        let value = digits(component.estimate.unwrap_or(f64::NAN) * factor);
+        let name = component.name.clone();
+        all.push(place("unknown", name, format!("{value} {unit}")));
     }
     all
 }
@@ -209,9 +223,10 @@ const GREY: RGBColor = RGBColor(150, 150, 150);
 const BLUE: RGBColor = RGBColor(28, 92, 168);
 
 fn draw(series: &ErrorSeries, svg: &mut String) -> Result<(), Box<dyn std::error::Error>> {
-    let in_mm = |errors: &[f64]| errors.iter().map(|e| e * 1e3).collect::<Vec<_>>();
-    let registered = (in_mm(&series.registered), GREY, "registered");
-    let calibrated = (in_mm(&series.calibrated), BLUE, "calibrated");
+    let factor = shown(series.unit).0;
+    let scaled = |errors: &[f64]| errors.iter().map(|e| e * factor).collect::<Vec<_>>();
+    let registered = (scaled(&series.registered), GREY, "registered");
+    let calibrated = (scaled(&series.calibrated), BLUE, "calibrated");
     let area = SVGBackend::with_string(svg, (1000, 260)).into_drawing_area();
     let halves = area.split_evenly((1, 2));
     for (half, shown) in halves

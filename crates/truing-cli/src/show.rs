@@ -1,63 +1,29 @@
 //! Results as people read them.
 
 use crate::show_statistics;
-use comfy_table::{CellAlignment, ContentArrangement, Table, presets};
+use crate::words::{lines, number, shown, table, titled};
+use comfy_table::Table;
 use std::collections::BTreeSet;
 use std::fmt::Write;
-use truing_robot::calibration::{
-    CalibrationResult, ErrorSummary, Outlier, ParameterResult, SetResult, Status,
-};
-
-/// A number with about five significant digits, small ones in scientific notation.
-pub fn number(x: f64) -> String {
-    let size = x.abs();
-    if x == 0.0 {
-        "0".into()
-    } else if size < 1e-4 {
-        format!("{x:.1e}")
-    } else if size < 1e4 {
-        format!("{x:.4}")
-    } else {
-        format!("{x:.2}")
-    }
-}
-
-/// An empty table; columns whose number is in `left` are aligned left.
-pub fn table(header: &[&str], left: &[usize]) -> Table {
-    let mut table = Table::new();
-    table
-        .load_preset(presets::NOTHING)
-        .set_content_arrangement(ContentArrangement::Disabled);
-    table.set_header(header.iter().copied());
-    for (k, column) in table.column_iter_mut().enumerate() {
-        let alignment = if left.contains(&k) {
-            CellAlignment::Left
-        } else {
-            CellAlignment::Right
-        };
-        column.set_cell_alignment(alignment);
-        column.set_padding((if k == 0 { 2 } else { 1 }, 1));
-    }
-    table
-}
-
-/// A table as text, without spaces at the ends of lines.
-pub fn lines(table: &Table) -> String {
-    table
-        .lines()
-        .map(|line| line.trim_end().to_owned() + "\n")
-        .collect()
-}
+use truing_robot::identify::Status;
+use truing_robot::judge::{ErrorSummary, Outlier, SetResult};
+use truing_robot::result::{CalibrationResult, ComponentEstimate, ParameterResult};
 
 fn error_rows(table: &mut Table, set: &SetResult, held_out: bool) {
+    let (factor, unit) = shown(set.unit);
     let cell = |e: &Option<ErrorSummary>, f: fn(&ErrorSummary) -> f64| {
         e.as_ref()
-            .map_or_else(|| "–".into(), |e| number(f(e) * 1e3))
+            .map_or_else(|| "–".into(), |e| number(f(e) * factor))
     };
     let name = if held_out {
         format!("{} (not used)", set.name)
     } else {
         set.name.clone()
+    };
+    // The title says millimetres.
+    let other = match unit {
+        "mm" => String::new(),
+        unit => format!(" {unit}"),
     };
     for (k, (label, f)) in [
         ("rms", (|e| e.rms) as fn(&ErrorSummary) -> f64),
@@ -75,26 +41,29 @@ fn error_rows(table: &mut Table, set: &SetResult, held_out: bool) {
             name,
             kind,
             count,
-            label.to_owned(),
+            format!("{label}{other}"),
             cell(&set.before, f),
             cell(&set.registered, f),
             cell(&set.after, f),
         ]);
     }
-    let rotation = |e: &Option<ErrorSummary>| {
-        e.as_ref()
-            .and_then(|e| e.rotation.as_ref())
-            .map_or_else(|| "–".into(), |r| number(r.rms * 1e3))
-    };
-    if set.after.as_ref().is_some_and(|e| e.rotation.is_some()) {
+    for what in set.after.iter().flat_map(|e| e.more.keys()) {
+        let (factor, label) = match *what {
+            "rotation" => (1e3, "mrad"),
+            other => (1.0, other),
+        };
+        let cell = |e: &Option<ErrorSummary>| {
+            let own = e.as_ref().and_then(|e| e.more.get(what));
+            own.map_or_else(|| "–".into(), |e| number(e.rms * factor))
+        };
         table.add_row([
             String::new(),
             String::new(),
             String::new(),
-            "mrad".into(),
-            rotation(&set.before),
-            rotation(&set.registered),
-            rotation(&set.after),
+            label.into(),
+            cell(&set.before),
+            cell(&set.registered),
+            cell(&set.after),
         ]);
     }
 }
@@ -203,6 +172,19 @@ pub fn set_aside(result: &CalibrationResult) -> Vec<String> {
     lines
 }
 
+/// Numbers that sets of measurements brought, beside distances, which have lines of their own.
+pub fn own_numbers(result: &CalibrationResult) -> impl Iterator<Item = &ComponentEstimate> {
+    let numbers = result.unknowns.iter().filter(|u| u.name != "distance");
+    let components = numbers.flat_map(|u| &u.components);
+    components.filter(|component| component.estimate.is_some())
+}
+
+/// A number with eight digits: a ratio near one needs them.
+pub fn digits(x: f64) -> String {
+    let text = format!("{x:.8}");
+    text.trim_end_matches('0').trim_end_matches('.').to_owned()
+}
+
 /// The whole result as text.
 pub fn result(result: &CalibrationResult) -> String {
     let mut out = String::new();
@@ -259,6 +241,13 @@ pub fn result(result: &CalibrationResult) -> String {
     }
     for target in &result.targets {
         let [x, y, z] = target.position.map(|x| number(x * 1e3));
+        let (what, turn) = match target.quaternion {
+            None => ("tool point", String::new()),
+            Some([w, a, b, c]) => (
+                "body",
+                format!(", quaternion (w, x, y, z) ({w:.6}, {a:.6}, {b:.6}, {c:.6})"),
+            ),
+        };
         let of = if target.robot.is_empty() {
             String::new()
         } else {
@@ -266,7 +255,7 @@ pub fn result(result: &CalibrationResult) -> String {
         };
         let _ = writeln!(
             out,
-            "  tool point {}{of}: ({x}, {y}, {z}) mm in the tool frame",
+            "  {what} {}{of}: ({x}, {y}, {z}) mm{turn} in the tool frame",
             target.name
         );
     }
@@ -274,9 +263,8 @@ pub fn result(result: &CalibrationResult) -> String {
         let [x, y, z] = plane.normal;
         let _ = writeln!(
             out,
-            "  plane {}[{}]: normal ({x:.6}, {y:.6}, {z:.6}), distance {:.6} m, rms {} mm over {} touches",
-            plane.constraint,
-            plane.group,
+            "  plane {}: normal ({x:.6}, {y:.6}, {z:.6}), distance {:.6} m, rms {} mm over {} touches",
+            titled(&plane.constraint, &plane.group),
             plane.distance,
             number(plane.rms * 1e3),
             plane.count
@@ -286,9 +274,8 @@ pub fn result(result: &CalibrationResult) -> String {
         let [x, y, z] = point.position;
         let _ = writeln!(
             out,
-            "  point {}[{}]: ({x:.6}, {y:.6}, {z:.6}) m, rms {} mm over {} visits",
-            point.constraint,
-            point.group,
+            "  point {}: ({x:.6}, {y:.6}, {z:.6}) m, rms {} mm over {} visits",
+            titled(&point.constraint, &point.group),
             number(point.rms * 1e3),
             point.count
         );
@@ -298,15 +285,27 @@ pub fn result(result: &CalibrationResult) -> String {
         let [w, a, b, c] = location.quaternion;
         let _ = writeln!(
             out,
-            "  location {}[{}]: position ({x:.6}, {y:.6}, {z:.6}) m, quaternion (w, x, y, z) ({w:.6}, {a:.6}, {b:.6}, {c:.6}), rms {} mm over {} visits",
-            location.constraint,
-            location.group,
+            "  location {}: position ({x:.6}, {y:.6}, {z:.6}) m, quaternion (w, x, y, z) ({w:.6}, {a:.6}, {b:.6}, {c:.6}), rms {} mm over {} visits",
+            titled(&location.constraint, &location.group),
             number(location.rms * 1e3),
             location.count
         );
     }
     for (name, distance) in &result.distances {
         let _ = writeln!(out, "  distance {name}: {} mm", number(distance * 1e3));
+    }
+    for component in own_numbers(result) {
+        let (factor, unit) = shown(component.unit);
+        let sigma = component.sigma.map_or_else(String::new, |sigma| {
+            format!(" ± {}", number(sigma * factor))
+        });
+        let _ = writeln!(
+            out,
+            "  {}: {}{sigma} {unit} ({})",
+            component.name,
+            digits(component.estimate.unwrap_or(f64::NAN) * factor),
+            component.status.name()
+        );
     }
     let estimated = result
         .parameters

@@ -1,9 +1,9 @@
 //! What can be identified, as people read it.
 
-use crate::show::{lines, number, table};
+use crate::words::{lines, number, table};
 use std::collections::BTreeMap;
 use std::fmt::Write;
-use truing_robot::calibration::{Gap, Identification, Identified, Status};
+use truing_robot::identify::{Gap, Identification, Identified, Status};
 
 /// Lists are broken at this column.
 const WIDTH: usize = 100;
@@ -16,6 +16,7 @@ pub fn answer(answer: &Identification) -> String {
         (of.robots, "of robots"),
         (of.frames, "of sensor frames"),
         (of.tool_points, "of tool points"),
+        (of.instruments, "of instruments"),
     ];
     let parts: Vec<String> = parts
         .iter()

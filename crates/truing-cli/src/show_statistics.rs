@@ -1,9 +1,8 @@
 //! How sure a calibration is, as people read it.
 
-use crate::show::number;
-use truing_robot::calibration::{
-    CalibrationResult, Correlated, GlobalTest, Outlier, ToolUncertainty,
-};
+use crate::words::number;
+use truing_robot::judge::{Correlated, GlobalTest, Outlier, ToolUncertainty};
+use truing_robot::result::CalibrationResult;
 
 /// How many correlations and outliers are named; the files have them all.
 const NAMED: usize = 3;

@@ -6,11 +6,12 @@ use crate::{Ending, Streams, output};
 use std::path::PathBuf;
 use truing_robot::file::SimulationFile;
 use truing_robot::simulate::{Simulated, simulate};
+use truing_robot::unknown::{Key, Shape};
 
 /// Runs a simulation file.
 pub fn run(arguments: &Simulate, streams: &Streams) -> Result<Ending, Failure> {
     output::check(&arguments.output, arguments.force)?;
-    let file = SimulationFile::read(&arguments.file)?;
+    let file = SimulationFile::read_with(&arguments.file, &streams.registry)?;
     let simulated = simulate(&file, arguments.seed)?;
     let seed = arguments.seed.unwrap_or(file.seed);
     let robots = simulated.true_robots();
@@ -58,7 +59,7 @@ pub fn run(arguments: &Simulate, streams: &Streams) -> Result<Ending, Failure> {
             "{}: {} measurements of kind {}\n",
             set.name,
             set.len(),
-            set.measured.kind()
+            set.kind.name()
         ));
     }
     for path in written {
@@ -104,46 +105,65 @@ fn truth(simulated: &Simulated) -> serde_json::Value {
         }
     }
     let (mut planes, mut points, mut locations) = (Vec::new(), Vec::new(), Vec::new());
-    for (k, set) in simulated.sets.iter().enumerate() {
-        for (g, plane) in truth.planes[k].iter().enumerate() {
-            planes.push(serde_json::json!({
-                "constraint": set.name, "group": (g + 1).to_string(),
-                "normal": [plane.normal.x, plane.normal.y, plane.normal.z], "distance": plane.distance,
-            }));
-        }
-        for (g, point) in truth.points[k].iter().enumerate() {
-            points.push(serde_json::json!({
-                "constraint": set.name, "group": (g + 1).to_string(), "position": [point.x, point.y, point.z],
-            }));
-        }
-        for (g, location) in truth.locations[k].iter().enumerate() {
-            let t = location.translation;
-            locations.push(serde_json::json!({
-                "constraint": set.name, "group": (g + 1).to_string(),
-                "position": [t.x, t.y, t.z], "quaternion": location.quaternion(),
-            }));
+    let mut numbers = Vec::new();
+    for set in &simulated.sets {
+        for group in &set.groups.names {
+            for unknown in set.kind.unknowns() {
+                let Some(value) = truth.own(&set.name, group, unknown.name) else {
+                    continue;
+                };
+                let mut about = serde_json::json!({ "constraint": set.name, "group": group });
+                match value.shape() {
+                    Shape::Plane(plane) => {
+                        about["normal"] = plane.normal.as_slice().into();
+                        about["distance"] = plane.distance.into();
+                        planes.push(about);
+                    }
+                    Shape::Point(point) => {
+                        about["position"] = point.as_slice().into();
+                        points.push(about);
+                    }
+                    Shape::Pose(location) => {
+                        about["position"] = location.translation.as_slice().into();
+                        about["quaternion"] = location.quaternion().into();
+                        locations.push(about);
+                    }
+                    // What is known stands in the calibration file.
+                    Shape::Numbers(_) if unknown.known => {}
+                    Shape::Numbers(values) => {
+                        about["name"] = unknown.name.into();
+                        about["values"] = values.into();
+                        numbers.push(about);
+                    }
+                }
+            }
         }
     }
-    let frames: Vec<serde_json::Value> = truth
-        .frames
-        .iter()
-        .map(|(name, pose)| {
-            let t = pose.translation;
-            serde_json::json!({ "name": name, "position": [t.x, t.y, t.z], "quaternion": pose.quaternion() })
-        })
-        .collect();
-    let targets: Vec<serde_json::Value> = truth
-        .targets
-        .iter()
-        .map(|((robot, name), p)| {
-            serde_json::json!({ "name": name, "robot": simulated.arms[*robot].name, "position": [p.x, p.y, p.z] })
-        })
-        .collect();
+    let (mut frames, mut targets) = (Vec::new(), Vec::new());
+    for (key, value) in truth.iter() {
+        let shape = value.shape();
+        match (key, &shape) {
+            (Key::Frame(name), Shape::Pose(pose)) => frames.push(serde_json::json!({
+                "name": name, "position": pose.translation.as_slice(), "quaternion": pose.quaternion(),
+            })),
+            (Key::Target(robot, name), Shape::Point(point)) => targets.push(serde_json::json!({
+                "name": name, "robot": simulated.arms[*robot].name, "position": point.as_slice(),
+            })),
+            (Key::Target(robot, name), Shape::Pose(pose)) => targets.push(serde_json::json!({
+                "name": name, "robot": simulated.arms[*robot].name,
+                "position": pose.translation.as_slice(), "quaternion": pose.quaternion(),
+            })),
+            _ => {}
+        }
+    }
     let mut truth = serde_json::json!({
         "parameters": parameters, "frames": frames, "targets": targets, "planes": planes, "points": points,
     });
     if !locations.is_empty() {
         truth["locations"] = locations.into();
+    }
+    if !numbers.is_empty() {
+        truth["unknowns"] = numbers.into();
     }
     truth
 }

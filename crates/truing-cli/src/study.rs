@@ -2,14 +2,13 @@
 
 use crate::args::Study as Arguments;
 use crate::failure::{Failure, Files};
-use crate::show::{lines, number, table};
+use crate::words::{lines, number, table};
 use crate::{Ending, Streams, figure, interrupt, output};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::fmt::Write;
 use std::path::PathBuf;
 use std::sync::atomic::AtomicBool;
 use std::time::Instant;
-use truing_planar::Planar;
 use truing_robot::file::StudyFile;
 use truing_robot::study::{Study, StudyResult, StudyRow, load_study};
 
@@ -18,7 +17,7 @@ pub fn run(arguments: &Arguments, streams: &Streams) -> Result<Ending, Failure> 
     if let Some(folder) = &arguments.output {
         output::check(folder, arguments.force)?;
     }
-    let mut file = StudyFile::read(&arguments.file)?;
+    let mut file = StudyFile::read_with(&arguments.file, &streams.registry)?;
     if let Some(trials) = arguments.trials {
         file.trials = trials as usize;
     }
@@ -27,7 +26,7 @@ pub fn run(arguments: &Arguments, streams: &Streams) -> Result<Ending, Failure> 
     }
     let interrupt = interrupt::on_ctrl_c();
     let about = |error: truing_robot::Error| Failure::from(error).about(&arguments.file);
-    let study = load_study(&file, &[&Planar]).map_err(about)?;
+    let study = load_study(&file, &streams.registry).map_err(about)?;
     let result = trials(&study, arguments, &interrupt).map_err(about)?;
     streams.say(&shown(&result));
     let json = serde_json::to_string_pretty(&result).map_err(|e| {

@@ -49,6 +49,7 @@ impl Job {
             kind: set.kind.name().to_owned(),
             held_out,
             unit: set.kind.measurands()[0].unit.symbol(),
+            signed: set.kind.measurands()[0].rows == 1,
             registered: errors(&fitted.registered)?,
             calibrated: errors(&fitted.estimated)?,
         })

@@ -80,6 +80,8 @@ pub struct ErrorSeries {
     pub held_out: bool,
     /// Unit of the errors.
     pub unit: &'static str,
+    /// Whether errors have a sign.
+    pub signed: bool,
     /// With the registered nominal robot : lengths, or signed numbers such as distances from a plane.
     pub registered: Vec<f64>,
     /// With the calibrated robot.

@@ -15,9 +15,10 @@ use truing::manifold::{Plane, Plane3, Point3, Pose, Pose3, Vector};
 use truing::nalgebra::Vector3;
 use truing::{Batch, Constraint, LeastSquares, Linearization, Problem, Vars};
 use truing_planar::GeneralisedModel;
-use truing_robot::constraint::{Chain, Derivatives, MeasuredPose, Position, UnknownPlane};
-use truing_robot::file::RobotFile;
-use truing_robot::kinematics::Robot;
+use truing_robot::Robot;
+use truing_robot::kinds::{MeasuredPose, Position, UnknownPlane};
+use truing_robot::robot::RobotFile;
+use truing_robot::robot::{Chain, Derivatives};
 
 /// Khalil, Lemoine & Gautier 1996, section IV, with a generic base and tool.
 const PUMA: &str = r#"

@@ -13,8 +13,9 @@ use truing::manifold::{Point3, Pose, Pose3, Vector};
 use truing::nalgebra::Vector3;
 use truing::{Batch, Constraint, Covariance, Noise, Problem, Scalar, Settings, Views, solve};
 use truing_robot::Robot;
-use truing_robot::constraint::{Chain, Position};
-use truing_robot::file::RobotFile;
+use truing_robot::kinds::Position;
+use truing_robot::robot::Chain;
+use truing_robot::robot::RobotFile;
 
 const ROBOT: &str = concat!(
     env!("CARGO_MANIFEST_DIR"),
@@ -48,7 +49,7 @@ pub type Offsets = Vec<(String, f64, f64, f64)>;
 
 /// Postures that move every joint, spread over its range.
 fn posture(robot: &Robot, k: usize) -> Vec<f64> {
-    let spread = |(j, joint): (usize, &truing_robot::kinematics::Joint)| {
+    let spread = |(j, joint): (usize, &truing_robot::robot::Joint)| {
         let [lower, upper] = joint.limits.unwrap_or([-1.0, 1.0]);
         // Multiples of square roots of primes never repeat.
         let prime = [2.0_f64, 3.0, 5.0, 7.0, 11.0, 13.0][j];

@@ -6,9 +6,11 @@
 use std::error::Error;
 use std::io::Write;
 use std::path::Path;
-use truing_robot::calibration::{Calibration, ParameterResult, Status};
+use truing_robot::Calibration;
 use truing_robot::file::SimulationFile;
-use truing_robot::kinematics::ParameterKind;
+use truing_robot::identify::Status;
+use truing_robot::result::ParameterResult;
+use truing_robot::robot::ParameterKind;
 use truing_robot::simulate::simulate;
 
 const FOLDER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../examples/puma560");
@@ -72,13 +74,11 @@ pub fn run(out: &mut dyn Write) -> Result<Kinds, Box<dyn Error>> {
     let mut kinds = Vec::new();
     for set in simulated.sets {
         // 2. One kind alone; the gains are left as they are.
-        let kind = set.measured.kind().to_owned();
+        let kind = set.kind.name().to_owned();
         let parameters = robot.parameters().iter();
-        let wanted: Vec<bool> = parameters.map(|p| p.kind != ParameterKind::Gain).collect();
-        let all = wanted.iter().filter(|wanted| **wanted).count();
-        let mut calibration = Calibration::new(simulated.arms.clone(), vec![set]);
-        calibration.estimate.wanted = vec![wanted];
-        let result = calibration.run(&|_stage| {})?.result;
+        let all = parameters.filter(|p| p.kind != ParameterKind::Gain).count();
+        let calibration = Calibration::new(simulated.arms.clone(), vec![set]).fixing(&["gains"]);
+        let result = calibration.calibrate()?.result;
 
         // 3. What was not estimated, and why.
         let named = |status: Status| {

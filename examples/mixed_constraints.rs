@@ -8,11 +8,11 @@ use std::io::Write;
 use std::path::Path;
 use truing::nalgebra::Vector3;
 use truing_robot::Robot;
-use truing_robot::calibration::{
-    Arm, Calibration, CalibrationResult, Groups, Measured, MeasurementSet, Status,
-};
-use truing_robot::file::{Dimension, RobotFile, Table, Units};
-use truing_robot::kinematics::ParameterKind;
+use truing_robot::identify::Status;
+use truing_robot::result::CalibrationResult;
+use truing_robot::robot::RobotFile;
+use truing_robot::text::{Dimension, Table, Units};
+use truing_robot::{Calibration, kinds};
 
 const FOLDER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../examples/puma560");
 
@@ -50,35 +50,34 @@ pub fn run(out: &mut dyn Write) -> Result<CalibrationResult, Box<dyn Error>> {
         .map(|p| Vector3::new(p[0], p[1], p[2]))
         .collect();
     let q = read(&table, &joints, Dimension::Angle)?;
-    let tracker = MeasurementSet::new("tracker", 0, q, Measured::Position(positions))
-        .sigma(5e-5)
+    let tracker = kinds::position("tracker", q, &positions)
+        .sigma(&[5e-5])
         .frame("tracker")
         .target("reflector");
 
     // 3. Touches of a plane nobody measured: the joint values are all there is.
     let table = Table::read(folder.join("data/touches.csv"))?;
     let q = read(&table, &joints, Dimension::Angle)?;
-    let one_plane = Groups::by_label(vec!["table".to_owned(); q.len()]);
-    let touches =
-        MeasurementSet::new("touches", 0, q, Measured::UnknownPlane(one_plane)).sigma(5e-5);
+    let one_plane = vec!["table"; q.len()];
+    let touches = kinds::unknown_plane("touches", q, one_plane).sigma(&[5e-5]);
 
     // 4. The same points, reached in different postures: rows with one label share a point.
     let table = Table::read(folder.join("data/cones.csv"))?;
     let rows: Vec<usize> = (0..table.len()).collect();
-    let labels = table.strings("point", &rows)?;
-    let points = Groups::by_label(labels.into_iter().map(str::to_owned));
+    let points = table.strings("point", &rows)?;
     let q = read(&table, &joints, Dimension::Angle)?;
-    let cones = MeasurementSet::new("cones", 0, q, Measured::SamePoint(points)).sigma(5e-5);
+    let cones = kinds::same_point("cones", q, points).sigma(&[5e-5]);
     // ANCHOR_END: sets
 
     // ANCHOR: run
     // 5. One calibration takes them all. It finds its own starting values for the tracker, the
     //    reflector, the plane and the points, and estimates what the data can identify.
-    let parameters = robot.parameters().iter();
-    let wanted = parameters.map(|p| p.kind != ParameterKind::Gain).collect();
-    let mut calibration = Calibration::new(vec![Arm::only(robot)], vec![tracker, touches, cones]);
-    calibration.estimate.wanted = vec![wanted];
-    let result = calibration.run(&|_stage| {})?.result;
+    let calibration = Calibration::of(robot)
+        .measured(tracker)
+        .measured(touches)
+        .measured(cones)
+        .fixing(&["gains"]);
+    let result = calibration.calibrate()?.result;
     // ANCHOR_END: run
 
     // ANCHOR: print

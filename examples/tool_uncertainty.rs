@@ -5,8 +5,9 @@
 use std::error::Error;
 use std::io::Write;
 use std::path::Path;
-use truing_robot::calibration::{ToolPose, load};
 use truing_robot::file::CalibrationFile;
+use truing_robot::judge::ToolPose;
+use truing_robot::load::load;
 
 const FILE: &str = concat!(
     env!("CARGO_MANIFEST_DIR"),

@@ -12,7 +12,8 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use truing_robot::file::{CalibrationFile, RobotFile, SimulationFile, StudyFile};
+use truing_robot::file::{CalibrationFile, SimulationFile, StudyFile};
+use truing_robot::robot::RobotFile;
 
 #[path = "../examples/arc.rs"]
 mod arc;

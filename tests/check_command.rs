@@ -1,10 +1,11 @@
 //! `truing check` says whether all Jacobians agree, and where they do not.
 
 use std::sync::Arc;
+use truing_robot::Arm;
 use truing_robot::Robot;
-use truing_robot::calibration::{Arm, Way};
-use truing_robot::constraint::Derivatives;
-use truing_robot::kinematics::{DifferentiateChain, FrameWise, Regressor};
+use truing_robot::check::Way;
+use truing_robot::robot::Derivatives;
+use truing_robot::robot::{DifferentiateChain, FrameWise, Regressor};
 
 #[path = "support/cell.rs"]
 mod cell;

@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use truing::manifold::Pose;
 use truing::nalgebra::Vector3;
 use truing_robot::Robot;
-use truing_robot::file::RobotFile;
+use truing_robot::robot::RobotFile;
 
 /// The keys of an object, in order.
 #[track_caller]

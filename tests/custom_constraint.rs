@@ -10,13 +10,14 @@ use truing::{
     Batch, Constraint, Jacobian, Noise, Point, Scalar, Settings, Solution, Var, Views, check, solve,
 };
 use truing_robot::Robot;
-use truing_robot::calibration::{
-    Arm, Assembly, Choice, Measured, MeasurementSet, State, default_preference, in_order, select,
-    start,
-};
-use truing_robot::constraint::{Chain, Derivatives};
-use truing_robot::file::RobotFile;
-use truing_robot::kinematics::{DifferentiateChain, FrameWise, Joint, Regressor};
+use truing_robot::identify::{Choice, default_preference, in_order, select};
+use truing_robot::model::Assembly;
+use truing_robot::robot::RobotFile;
+use truing_robot::robot::{Chain, Derivatives};
+use truing_robot::robot::{DifferentiateChain, FrameWise, Joint, Regressor};
+use truing_robot::start::start;
+use truing_robot::unknown::State;
+use truing_robot::{Arm, kinds};
 
 /// The length of a wire from the tool to an anchor whose place is estimated.
 #[derive(Clone)]
@@ -96,8 +97,8 @@ fn calibrate<C: Constraint<Vars = (Vector, Point3)>>(
     let truth = true_parameters(robot);
     let tip = |q: &[f64]| robot.forward(&truth, q).translation;
     let q: Vec<Vec<f64>> = (0..POSITIONS).map(|k| posture(robot, k)).collect();
-    let measured = Measured::Position(q.iter().map(|q| tip(q)).collect());
-    let sets = [MeasurementSet::new("positions", 0, q, measured)];
+    let tips: Vec<Vector3<f64>> = q.iter().map(|q| tip(q)).collect();
+    let sets = [kinds::position("positions", q, &tips)];
     let arms = [Arm::only(robot.clone())];
     let state = start(&arms, &sets, vec![robot.nominal()], &State::default());
     let derivatives = Derivatives::default();
@@ -111,8 +112,8 @@ fn calibrate<C: Constraint<Vars = (Vector, Point3)>>(
         .collect();
     // Six positions alone would not do for that: the choice is asked of more postures.
     let many: Vec<Vec<f64>> = (0..100).map(|k| posture(robot, k)).collect();
-    let seen = Measured::Position(many.iter().map(|q| tip(q)).collect());
-    let many = [MeasurementSet::new("positions", 0, many, seen)];
+    let seen: Vec<Vector3<f64>> = many.iter().map(|q| tip(q)).collect();
+    let many = [kinds::position("positions", many, &seen)];
     let choices = select(&arms, &many, &state, &derivatives, &wanted, &[]).unwrap();
     let free: Vec<usize> = (0..choices.len())
         .filter(|column| choices[*column] == Choice::Estimated)

@@ -15,12 +15,13 @@ use truing_planar::{
     ClassicalPose, ClassicalPosition, CoefficientsUnknown, FrameLink, GeneralisedModel,
     KnownCoefficients, PositionLink, VectorProducts,
 };
-use truing_robot::constraint::{
-    Chain, Derivatives, Distance, KnownPlane, MeasuredPose, Position, PostureDistance, SamePoint,
-    UnknownPlane,
+use truing_robot::Robot;
+use truing_robot::kinds::{
+    Distance, KnownPlane, MeasuredPose, Position, PostureDistance, SamePoint, UnknownPlane,
 };
-use truing_robot::file::RobotFile;
-use truing_robot::kinematics::{JointKind, Robot};
+use truing_robot::robot::JointKind;
+use truing_robot::robot::RobotFile;
+use truing_robot::robot::{Chain, Derivatives};
 
 /// Both ways are exact but for rounding: some thousand operations on numbers of size one.
 const EXACT: f64 = 1e-12;

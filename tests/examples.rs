@@ -6,7 +6,7 @@
 )]
 
 use approx::assert_abs_diff_eq;
-use truing_robot::calibration::Status;
+use truing_robot::identify::Status;
 
 #[path = "../examples/arc.rs"]
 mod arc;
@@ -89,18 +89,17 @@ fn mixed_constraints_reach_the_noise_of_the_measurements() {
         assert!(after.rms < 0.1e-3, "{}: {}", set.name, after.rms);
         assert!(registered.rms > 10.0 * after.rms, "{}", set.name);
     }
-    let estimated = |p: &&truing_robot::calibration::ParameterResult| p.status == Status::Estimated;
+    let estimated = |p: &&truing_robot::result::ParameterResult| p.status == Status::Estimated;
     assert!(result.parameters.iter().filter(estimated).count() >= 18);
 }
 
 #[test]
 fn every_kind_identifies_what_its_measurements_depend_on() {
     let kinds = kinds::run(&mut Vec::new()).unwrap();
-    let estimated =
-        |(_, parameters): &(String, Vec<truing_robot::calibration::ParameterResult>)| {
-            let found = parameters.iter().filter(|p| p.status == Status::Estimated);
-            found.count()
-        };
+    let estimated = |(_, parameters): &(String, Vec<truing_robot::result::ParameterResult>)| {
+        let found = parameters.iter().filter(|p| p.status == Status::Estimated);
+        found.count()
+    };
     let counts: Vec<(&str, usize)> = kinds
         .iter()
         .map(|kind| (kind.0.as_str(), estimated(kind)))

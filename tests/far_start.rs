@@ -7,10 +7,13 @@ use puma::{Scene, What, puma, table};
 use std::path::{Path, PathBuf};
 use truing::{Loss, Method};
 use truing_planar::Planar;
-use truing_robot::calibration::{Arm, Calibration, Choice, Strategy};
+use truing_robot::Registry;
+use truing_robot::estimate::Strategy;
 use truing_robot::file::StudyFile;
-use truing_robot::kinematics::ParameterKind;
+use truing_robot::identify::Choice;
+use truing_robot::robot::ParameterKind;
 use truing_robot::study::load_study;
+use truing_robot::{Arm, Calibration};
 
 fn examples() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples")
@@ -25,7 +28,7 @@ fn recovered(constraint: &str, error: &str, trials: usize) -> Vec<(String, usize
          [[method]]\nname = \"direct\"\nstrategy = \"direct\"\n[[method]]\nname = \"Truing\"\n"
     );
     let file = StudyFile::parse(&text, examples().join("puma560/study.toml")).unwrap();
-    let result = load_study(&file, &[&Planar])
+    let result = load_study(&file, &Registry::with(&[&Planar]))
         .unwrap()
         .run(Some(2), &Default::default(), &|| ())
         .unwrap();
@@ -64,7 +67,7 @@ fn calibration(seed: u64, size: f64) -> (Scene, Calibration) {
     });
     let nominal = robot.nominal();
     for (k, value) in scene.truth.robots[0].iter_mut().enumerate() {
-        let angle = robot.parameters()[k].unit() == truing_robot::kinematics::Unit::Radian;
+        let angle = robot.parameters()[k].unit() == truing_robot::robot::Unit::Radian;
         // The errors of the scene are 0.3° and 1 mm.
         let grown = size / if angle { 0.3_f64.to_radians() } else { 1e-3 };
         *value = nominal[k] + (*value - nominal[k]) * grown;
@@ -178,8 +181,8 @@ fn outliers_do_not_keep_a_far_robot_away() {
             .clone()
             .measure(&What::UnknownPlane(vec![higher]), 20, 1e-4);
         let bad: Vec<usize> = (0..20).map(|k| 5 * k).collect();
-        for (row, q) in bad.iter().zip(&wrong.sets[1].q) {
-            calibration.sets[0].q[*row].clone_from(q);
+        for (row, q) in bad.iter().zip(&wrong.sets[1].tools[0].q) {
+            calibration.sets[0].tools[0].q[*row].clone_from(q);
         }
         let result = calibration.run(&|_| {}).unwrap().result;
         let named: Vec<usize> = result.outliers.iter().map(|o| o.row).collect();
@@ -202,9 +205,7 @@ fn outliers_do_not_keep_a_far_robot_away() {
 #[test]
 fn an_understated_sigma_does_not_send_it_searching() {
     let (_, mut calibration) = calibration(4, 0.05);
-    for sigma in &mut calibration.sets[0].sigma {
-        sigma.position = 1e-5;
-    }
+    calibration.sets[0] = calibration.sets[0].clone().sigma(&[1e-5]);
     let auto = calibration.run(&|_| {}).unwrap();
     calibration.estimate.strategy = Strategy::Direct;
     let direct = calibration.run(&|_| {}).unwrap();

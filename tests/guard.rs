@@ -4,7 +4,8 @@
 mod puma;
 
 use puma::{Scene, What, puma, table};
-use truing_robot::calibration::{Arm, CalibrationResult};
+use truing_robot::Arm;
+use truing_robot::result::CalibrationResult;
 
 fn scene(what: &What, count: usize, sigma: f64) -> Scene {
     Scene::perturbed(vec![Arm::only(puma())], 5, |_, p| {
@@ -53,7 +54,7 @@ fn a_prior_that_the_data_contradict_is_named() {
     let mut calibration = scene(&What::Position, 40, 5e-5).calibration(false);
     let parameter = puma().parameter("d3").unwrap();
     let off = calibration.arms[0].robot.parameters()[parameter].nominal;
-    calibration.estimate.priors = vec![(0, parameter, 1e-5)];
+    calibration.estimate.priors = vec![("d3".into(), 1e-5)];
     let outcome = calibration.run(&|_| {}).unwrap();
     let moved = (outcome.state.robots[0][parameter] - off).abs();
     assert_eq!(
@@ -61,7 +62,7 @@ fn a_prior_that_the_data_contradict_is_named() {
         moved > 4e-5,
         "d3 moved by {moved:e}"
     );
-    calibration.estimate.priors = vec![(0, parameter, 1e-2)];
+    calibration.estimate.priors = vec![("d3".into(), 1e-2)];
     let outcome = calibration.run(&|_| {}).unwrap();
     assert!(!says(&outcome.result, "contradict"));
 }
@@ -75,7 +76,7 @@ fn an_active_bound_is_named_with_its_side() {
     let change = outcome.state.robots[0][parameter] - nominal;
     assert!(change.abs() > 1e-4, "{change}");
     let mut calibration = free.calibration(false);
-    calibration.estimate.bounds = vec![(0, parameter, -0.5 * change.abs(), 0.5 * change.abs())];
+    calibration.estimate.bounds = vec![("d3".into(), -0.5 * change.abs(), 0.5 * change.abs())];
     let outcome = calibration.run(&|_| {}).unwrap();
     let side = if change < 0.0 { "lower" } else { "upper" };
     assert!(says(&outcome.result, &format!("d3 ({side})")));
@@ -95,21 +96,21 @@ fn what_holds_the_scale_is_said() {
 #[test]
 fn what_moved_far_on_weak_data_is_named_with_its_uncertainty() {
     let mut narrow = scene(&What::Position, 60, 2e-4);
-    let middle = narrow.sets[0].q[0].clone();
-    for q in &mut narrow.sets[0].q {
+    let middle = narrow.sets[0].tools[0].q[0].clone();
+    for q in &mut narrow.sets[0].tools[0].q {
         for (q, m) in q.iter_mut().zip(&middle) {
             *q = m + 0.05 * (*q - m);
         }
     }
     // The readings of the true robot there.
-    let postures = narrow.sets[0].q.clone();
+    let postures = narrow.sets[0].tools[0].q.clone();
     let robot = puma();
     let truth = &narrow.truth.robots[0];
-    if let truing_robot::calibration::Measured::Position(points) = &mut narrow.sets[0].measured {
-        for (k, (point, q)) in points.iter_mut().zip(&postures).enumerate() {
-            let noise = 2e-4 * ((k * 7919) as f64).sin();
-            *point = robot.forward(truth, q).translation.add_scalar(noise);
-        }
+    for (k, q) in postures.iter().enumerate() {
+        let noise = 2e-4 * ((k * 7919) as f64).sin();
+        let point = robot.forward(truth, q).translation.add_scalar(noise);
+        let row = narrow.sets[0].values.row_mut(k);
+        row.copy_from_slice(point.as_slice());
     }
     let result = narrow.calibrate(false).result;
     assert!(says(&result, "only weakly") || says(&result, "not determined by these data"));
@@ -142,8 +143,11 @@ fn a_robot_in_the_wrong_unit_is_not_trusted() {
 #[test]
 fn data_that_determine_nothing_are_not_trusted() {
     let mut same = scene(&What::UnknownPlane(vec![table()]), 30, 0.0);
-    let first = same.sets[0].q[0].clone();
-    same.sets[0].q.iter_mut().for_each(|q| q.clone_from(&first));
+    let first = same.sets[0].tools[0].q[0].clone();
+    same.sets[0].tools[0]
+        .q
+        .iter_mut()
+        .for_each(|q| q.clone_from(&first));
     match same.calibration(false).run(&|_| {}) {
         Ok(outcome) => {
             let result = outcome.result;

@@ -8,9 +8,10 @@ mod puma;
 use puma::{Scene, What, puma, puma_with, stanford, table, two_pumas};
 use truing::manifold::Plane;
 use truing::nalgebra::{Matrix3, Vector3};
+use truing_robot::Arm;
 use truing_robot::Robot;
-use truing_robot::calibration::{Arm, Choice, Measured, Status};
-use truing_robot::file::RobotFile;
+use truing_robot::identify::{Choice, Status};
+use truing_robot::robot::RobotFile;
 
 /// A point with room around it.
 fn corner() -> Vector3<f64> {
@@ -255,14 +256,15 @@ fn the_base_is_held_where_nothing_outside_the_robot_is_known() {
 fn park(scene: &mut Scene, joint: usize, at: f64) {
     let (robot, truth) = (&scene.arms[0].robot, &scene.truth.robots[0]);
     let set = &mut scene.sets[0];
-    for q in &mut set.q {
+    let readings = &mut set.readings;
+    for (row, q) in readings.tools[0].q.iter_mut().enumerate() {
         q[joint] = at;
+        let pose = robot.forward(truth, q);
+        let seen = [pose.translation.as_slice(), &pose.quaternion()].concat();
+        let read = readings.values.row_mut(row);
+        let columns = read.len();
+        read.copy_from_slice(&seen[..columns]);
     }
-    let seen = set.q.iter().map(|q| robot.forward(truth, q));
-    set.measured = match set.measured {
-        Measured::Pose(_) => Measured::Pose(seen.collect()),
-        _ => Measured::Position(seen.map(|pose| pose.translation).collect()),
-    };
 }
 
 /// A joint that never moves in the data: the structure would allow its parameters, these data do not.

@@ -8,14 +8,23 @@ mod puma;
 use puma::{Scene, What, puma, puma_with, stanford, table, two_pumas};
 use truing::manifold::Plane;
 use truing::nalgebra::Vector3;
+use truing_robot::Arm;
+use truing_robot::Registry;
 use truing_robot::Robot;
-use truing_robot::calibration::{Arm, Asked, Identification, Measured, RobotQuestion, Status};
-use truing_robot::file::Kind::{
-    self, Distance, KnownPlane, Pose, Position, SamePoint, UnknownPlane,
-};
+use truing_robot::identify::{Asked, Identification, RobotQuestion, Status};
+use truing_robot::kinds::KnownPlaneTouches;
 
-fn kinds(kinds: &[Kind]) -> Vec<Asked> {
-    kinds.iter().map(|kind| Asked::Kind(*kind)).collect()
+const POSE: &str = "pose";
+const POSITION: &str = "position";
+const KNOWN_PLANE: &str = "known-plane";
+const UNKNOWN_PLANE: &str = "unknown-plane";
+const SAME_POINT: &str = "same-point";
+const DISTANCE: &str = "distance";
+
+fn kinds(kinds: &[&str]) -> Vec<Asked> {
+    let registry = Registry::default();
+    let asked = |name: &&str| Asked::kind(registry.kind(name).unwrap().clone());
+    kinds.iter().map(asked).collect()
 }
 
 fn ask(robot: Robot, asked: Vec<Asked>) -> RobotQuestion {
@@ -27,7 +36,7 @@ fn answer(question: &RobotQuestion) -> Identification {
     question.question().unwrap().answer().unwrap()
 }
 
-fn identify(robot: &Robot, kind: Kind) -> Identification {
+fn identify(robot: &Robot, kind: &str) -> Identification {
     answer(&ask(robot.clone(), kinds(&[kind])))
 }
 
@@ -54,15 +63,15 @@ fn words(text: &str) -> Vec<&str> {
     words
 }
 
-const FOUR_METHODS: [(Kind, &str); 4] = [
-    (Position, "theta7 r3 r7 alpha7"),
+const FOUR_METHODS: [(&str, &str); 4] = [
+    (POSITION, "theta7 r3 r7 alpha7"),
     (
-        SamePoint,
+        SAME_POINT,
         "theta1 d1 r0 alpha1 theta0 theta7 r1 r6 r7 alpha7 r3",
     ),
-    (KnownPlane, "theta7 r0 r6 r7 alpha7 theta0 r1 r3"),
+    (KNOWN_PLANE, "theta7 r0 r6 r7 alpha7 theta0 r1 r3"),
     (
-        UnknownPlane,
+        UNKNOWN_PLANE,
         "theta7 theta1 d1 r0 r6 r7 alpha1 alpha7 theta0 r1 r3",
     ),
 ];
@@ -104,8 +113,8 @@ fn zero_columns_have_no_effect_and_are_not_regrouped() {
         "d = 0.12\ntheta = 23.0",
     );
     for (kind, none) in [
-        (Position, "theta7 alpha7"),
-        (SamePoint, "theta7 alpha7 theta0 r0 alpha1 d1 theta1 r1"),
+        (POSITION, "theta7 alpha7"),
+        (SAME_POINT, "theta7 alpha7 theta0 r0 alpha1 d1 theta1 r1"),
     ] {
         let mut question = ask(robot.clone(), kinds(&[kind]));
         question.fixed = vec!["beta*".into()];
@@ -124,7 +133,7 @@ fn zero_columns_have_no_effect_and_are_not_regrouped() {
 /// An unknown plane holds the base, which it would move along with, and a length for the scale.
 #[test]
 fn an_unknown_plane_holds_the_base_and_the_scale() {
-    let answer = identify(&puma(), UnknownPlane);
+    let answer = identify(&puma(), UNKNOWN_PLANE);
     let held = names(&answer, Status::Held);
     assert_eq!(held, words("theta0 r0 alpha1 d1 theta1 r1 r6"));
     assert_eq!(names(&answer, Status::NoEffect), ["theta7"]);
@@ -135,7 +144,7 @@ fn an_unknown_plane_holds_the_base_and_the_scale() {
 #[test]
 fn relations_reproduce_the_columns() {
     let robot = puma();
-    let answer = identify(&robot, Position);
+    let answer = identify(&robot, POSITION);
     let nominal = robot.nominal();
     let tip = |moves: &[(&str, f64)], q: &[f64]| {
         let mut values = nominal.clone();
@@ -176,7 +185,7 @@ fn relations_reproduce_the_columns() {
 #[test]
 fn a_base_aligned_with_joint_1_loses_r1_and_theta1() {
     let robot = puma_with("alpha = 11.0\nd = 0.15\n", "");
-    let mut question = ask(robot, kinds(&[Position]));
+    let mut question = ask(robot, kinds(&[POSITION]));
     question.fixed = vec!["beta1".into()];
     let aligned = answer(&question);
     assert_eq!(lost(&aligned), words("theta7 r3 r7 alpha7 r1 theta1"));
@@ -196,7 +205,7 @@ fn a_base_aligned_with_joint_1_loses_r1_and_theta1() {
 #[test]
 fn a_tool_on_the_axis_of_joint_6_loses_that_joint() {
     let robot = puma_with("alpha = 17.0\nd = 0.12\n", "");
-    let mut question = ask(robot, kinds(&[Position]));
+    let mut question = ask(robot, kinds(&[POSITION]));
     question.parameters = vec!["all".into()];
     let answer = answer(&question);
     let lost = lost(&answer);
@@ -209,7 +218,7 @@ fn a_tool_on_the_axis_of_joint_6_loses_that_joint() {
 #[test]
 fn ranks_of_the_four_methods_and_poses() {
     let of = |robot: &Robot, gains: bool| {
-        [Pose, Position, SamePoint, KnownPlane, UnknownPlane].map(|kind| {
+        [POSE, POSITION, SAME_POINT, KNOWN_PLANE, UNKNOWN_PLANE].map(|kind| {
             let mut question = ask(robot.clone(), kinds(&[kind]));
             if gains {
                 question.parameters = vec!["all".into()];
@@ -235,7 +244,7 @@ fn the_gap_that_decided_is_wide() {
         assert!(gap.last_kept > 1e-2 * values[0], "{kind:?}: {gap:?}");
         assert!(values[answer.rank] < 1e-10 * values[0], "{kind:?}: {gap:?}");
         // Columns of unit length: nothing of them is lost without planes and points.
-        if matches!(kind, Position | KnownPlane) {
+        if matches!(kind, POSITION | KNOWN_PLANE) {
             let squares: f64 = values.iter().map(|s| s * s).sum();
             let columns = (answer.columns - names(&answer, Status::NoEffect).len()) as f64;
             assert!((squares - columns).abs() < 1e-9, "{kind:?}: {squares}");
@@ -258,12 +267,12 @@ fn counts(symmetries: &[String]) -> (usize, usize, usize) {
 #[test]
 fn symmetries_are_named() {
     for (kind, expected) in [
-        (UnknownPlane, (3, 3, 1)),
-        (SamePoint, (3, 3, 1)),
-        (KnownPlane, (2, 1, 1)),
-        (Position, (0, 0, 0)),
-        (Pose, (0, 0, 0)),
-        (Distance, (3, 3, 0)),
+        (UNKNOWN_PLANE, (3, 3, 1)),
+        (SAME_POINT, (3, 3, 1)),
+        (KNOWN_PLANE, (2, 1, 1)),
+        (POSITION, (0, 0, 0)),
+        (POSE, (0, 0, 0)),
+        (DISTANCE, (3, 3, 0)),
     ] {
         let found = identify(&puma(), kind).symmetries;
         assert_eq!(counts(&found), expected, "{kind:?}: {found:?}");
@@ -277,9 +286,9 @@ fn symmetries_are_named() {
         "rotation about z",
         "scale",
     ];
-    assert_eq!(identify(&puma(), UnknownPlane).symmetries, all);
+    assert_eq!(identify(&puma(), UNKNOWN_PLANE).symmetries, all);
     // A sensor frame takes up motions of robot and sensor together, and no growing.
-    let mut question = ask(puma(), kinds(&[Position]));
+    let mut question = ask(puma(), kinds(&[POSITION]));
     question.frame = Some("tracker".into());
     question.target = Some("reflector".into());
     let tracked = answer(&question);
@@ -292,17 +301,17 @@ fn symmetries_are_named() {
 #[test]
 fn every_further_known_plane_takes_symmetries_away() {
     let plane = |x: f64, y: f64, z: f64, distance: f64| {
-        Asked::KnownPlane(Plane {
+        Asked::given(KnownPlaneTouches::of(Plane {
             normal: Vector3::new(x, y, z),
             distance,
-        })
+        }))
     };
     let asked = vec![
         plane(0.0, 0.0, 1.0, 0.55),
         plane(1.0, 0.0, 0.0, 0.45),
         plane(0.0, 1.0, 0.0, 0.25),
         plane(0.0, 1.0, 0.0, 0.4),
-        Asked::Kind(UnknownPlane),
+        kinds(&[UNKNOWN_PLANE]).remove(0),
     ];
     let answer = answer(&ask(puma(), asked));
     let steps = &answer.steps;
@@ -328,7 +337,7 @@ fn every_further_known_plane_takes_symmetries_away() {
 #[test]
 fn further_unknown_planes_add_planes_only() {
     for k in 1..=3 {
-        let answer = answer(&ask(puma(), kinds(&vec![UnknownPlane; k])));
+        let answer = answer(&ask(puma(), kinds(&vec![UNKNOWN_PLANE; k])));
         assert_eq!((answer.rank, answer.beside), (20, 3 * k));
         assert_eq!(answer.steps.len(), k);
         assert!(answer.steps.iter().all(|step| step.rank == 20));
@@ -350,7 +359,7 @@ fn further_unknown_planes_add_planes_only() {
 /// slides by a known amount.
 #[test]
 fn the_scale_is_free_only_for_a_robot_that_can_grow() {
-    let mut question = ask(puma(), kinds(&[UnknownPlane]));
+    let mut question = ask(puma(), kinds(&[UNKNOWN_PLANE]));
     question.fixed = vec!["d3".into()];
     let fixed = answer(&question);
     assert_eq!(counts(&fixed.symmetries), (3, 3, 0));
@@ -368,11 +377,11 @@ fn the_scale_is_free_only_for_a_robot_that_can_grow() {
 fn a_sliding_joint_knows_the_scale() {
     let robot = stanford();
     let expected = [
-        (Pose, 28, (0, 0, 0)),
-        (Position, 25, (0, 0, 0)),
-        (SamePoint, 19, (3, 3, 0)),
-        (KnownPlane, 22, (2, 1, 0)),
-        (UnknownPlane, 19, (3, 3, 0)),
+        (POSE, 28, (0, 0, 0)),
+        (POSITION, 25, (0, 0, 0)),
+        (SAME_POINT, 19, (3, 3, 0)),
+        (KNOWN_PLANE, 22, (2, 1, 0)),
+        (UNKNOWN_PLANE, 19, (3, 3, 0)),
     ];
     for (kind, rank, symmetries) in expected {
         let mut question = ask(robot.clone(), kinds(&[kind]));
@@ -381,7 +390,7 @@ fn a_sliding_joint_knows_the_scale() {
         assert_eq!(counts(&found.symmetries), symmetries, "{kind:?}");
         question.parameters = vec!["all".into()];
         let found = answer(&question);
-        let scale = usize::from(!matches!(kind, Pose | Position));
+        let scale = usize::from(!matches!(kind, POSE | POSITION));
         assert_eq!(found.rank, rank + 6 - scale, "{kind:?}");
         assert_eq!(counts(&found.symmetries).2, scale, "{kind:?}");
     }
@@ -422,9 +431,15 @@ fn data_that_do_not_excite_are_told_from_structure() {
     let mut parked = scene.clone();
     let (robot, truth) = (&scene.arms[0].robot, &scene.truth.robots[0]);
     let set = &mut parked.sets[0];
-    set.q.iter_mut().for_each(|q| q[5] = 0.2);
-    let seen = set.q.iter().map(|q| robot.forward(truth, q).translation);
-    set.measured = Measured::Position(seen.collect());
+    let readings = &mut set.readings;
+    for (row, q) in readings.tools[0].q.iter_mut().enumerate() {
+        q[5] = 0.2;
+        let seen = robot.forward(truth, q).translation;
+        readings
+            .values
+            .row_mut(row)
+            .copy_from_slice(seen.as_slice());
+    }
     let answer = parked.calibration(true).identify(None).unwrap();
     assert_eq!(answer.rank, 33);
     let data = answer.data.as_ref().unwrap();
@@ -463,7 +478,7 @@ fn observability_counts_measurements() {
 
 #[test]
 fn a_seed_gives_one_answer() {
-    let mut question = ask(puma(), kinds(&[UnknownPlane, Position]));
+    let mut question = ask(puma(), kinds(&[UNKNOWN_PLANE, POSITION]));
     question.seed = 7;
     assert_eq!(answer(&question), answer(&question));
 }

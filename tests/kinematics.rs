@@ -8,8 +8,9 @@ use rand_chacha::ChaCha8Rng;
 use std::f64::consts::{FRAC_PI_2, PI};
 use truing::manifold::Pose;
 use truing::nalgebra::{Matrix4, Rotation3, Unit, Vector3, Vector6};
-use truing_robot::file::{Convention, FrameRow, JointKind, JointRow, RobotFile};
-use truing_robot::kinematics::{self, DifferentiateChain, FrameWise, Regressor, Robot};
+use truing_robot::robot::{Convention, FrameRow, JointKind, JointRow, RobotFile};
+use truing_robot::robot::{DifferentiateChain, FrameWise, Regressor};
+use truing_robot::{Robot, robot as kinematics};
 
 /// Chains of at most nine frames with lengths below one metre: a few hundred ε.
 const TOLERANCE: f64 = 1e-13;

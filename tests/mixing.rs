@@ -6,8 +6,9 @@
 mod cell;
 
 use cell::Cell;
-use truing_robot::calibration::{CalibrationResult, load};
 use truing_robot::file::{CalibrationFile, SimulationFile};
+use truing_robot::load::load;
+use truing_robot::result::CalibrationResult;
 use truing_robot::simulate::simulate;
 
 const SIGMA: f64 = 5e-5;
@@ -119,7 +120,7 @@ fn assert_fits(subset: usize, result: &CalibrationResult) {
         let dim = if set.rows == set.count { 1.0 } else { 3.0_f64 };
         let size = SIGMA * dim.sqrt();
         let after = set.after.as_ref().unwrap();
-        for rms in [Some(after.rms), after.rotation.as_ref().map(|r| r.rms)] {
+        for rms in [Some(after.rms), after.rotation().map(|r| r.rms)] {
             let rms = rms.unwrap_or(size) / size;
             assert!(
                 (0.5..2.0).contains(&rms),

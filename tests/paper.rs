@@ -5,8 +5,9 @@ use std::sync::Arc;
 use truing::manifold::{Plane, Pose};
 use truing::nalgebra::Vector3;
 use truing_planar::{FixedPlane, Planar, Products, as_in_the_paper};
-use truing_robot::calibration::{Arm, Calibration, Outcome, PlaneChart, load, load_with};
 use truing_robot::file::CalibrationFile;
+use truing_robot::load::{load, load_with};
+use truing_robot::{Arm, Calibration, Outcome, Registry};
 
 #[path = "support/cell.rs"]
 mod cell;
@@ -23,7 +24,7 @@ fn scene(what: &What, count: usize, sigma: f64) -> Scene {
     let kept: Vec<String> = nominal
         .choices(&[], |_, name| !name.starts_with('K'))
         .into_iter()
-        .filter(|(_, choice)| *choice == truing_robot::calibration::Choice::Estimated)
+        .filter(|(_, choice)| *choice == truing_robot::identify::Choice::Estimated)
         .map(|(name, _)| name)
         .collect();
     let robot = puma();
@@ -132,7 +133,7 @@ fn with_noise_an_unknown_plane_differs_by_less_than_its_uncertainty() {
 fn vector_products_and_position_links_need_no_plane_and_no_point() {
     let scene = scene(&What::UnknownPlane(vec![table()]), 60, 0.0);
     let mut calibration = scene.calibration(false);
-    calibration.sets[0].form = Some(Arc::new(Products));
+    calibration.sets[0].method = Some(Arc::new(Products));
     let products = run(calibration);
     let difference = apart(&products.state.robots[0], &scene.truth.robots[0]);
     assert!(difference < 1e-9, "{difference:e}");
@@ -150,7 +151,7 @@ fn a_fixed_plane_is_z_equal_to_zero() {
     };
     let scene = scene(&What::KnownPlane(plane), 60, 0.0);
     let mut calibration = scene.calibration(false);
-    calibration.sets[0].form = Some(Arc::new(FixedPlane));
+    calibration.sets[0].method = Some(Arc::new(FixedPlane));
     let fixed = run(calibration);
     let difference = apart(&fixed.state.robots[0], &scene.truth.robots[0]);
     assert!(difference < 1e-9, "{difference:e}");
@@ -169,7 +170,7 @@ fn the_plane_starts_at_the_solution_of_equation_12() {
         Vector3::new(1.0, 2.0, 4.0),
     ];
     // x + y/2 − z/4 = 1.
-    let plane = truing_planar::Coefficients.fit(&touches);
+    let plane = truing_planar::Coefficients::fit(&touches);
     let [a, b, c] = truing_planar::Coefficients::of(&plane).unwrap();
     assert!((a + 1.0).abs() < 1e-12 && (b + 0.5).abs() < 1e-12 && (c - 0.25).abs() < 1e-12);
     // Minimal in Σ (P·x + 1)², which is not the plane of least distances.
@@ -180,7 +181,7 @@ fn the_plane_starts_at_the_solution_of_equation_12() {
         Vector3::new(1.0, 2.3, 4.0),
     ];
     let [a, b, c] =
-        truing_planar::Coefficients::of(&truing_planar::Coefficients.fit(&off)).unwrap();
+        truing_planar::Coefficients::of(&truing_planar::Coefficients::fit(&off)).unwrap();
     let gradient: Vector3<f64> = off
         .iter()
         .map(|p| p * (p.dot(&Vector3::new(a, b, c)) + 1.0))
@@ -209,12 +210,16 @@ fn files_choose_methods_and_the_analytic_jacobian() {
     let run = cell.run(&["calibrate", "calibration.toml", "--json"]);
     assert_eq!(run.status, 0, "{}", run.stderr);
     let path = cell.path("calibration.toml");
-    let file = CalibrationFile::read(&path).unwrap();
-    let calibration = load_with(&file, &[&Planar]).unwrap();
-    assert_eq!(calibration.sets[0].form.as_ref().unwrap().name(), "paper");
+    let registry = Registry::with(&[&Planar]);
+    let file = CalibrationFile::read_with(&path, &registry).unwrap();
+    let calibration = load_with(&file, &registry).unwrap();
+    let method = calibration.sets[0].method.as_ref().unwrap();
+    assert_eq!(method.name(), "paper");
     // Without the plugin neither is there.
     let error = load(&file).err().unwrap().to_string();
     assert!(error.contains("analytic"), "{error}");
+    let error = CalibrationFile::read(&path).err().unwrap().to_string();
+    assert!(error.contains("no method `paper`"), "{error}");
 }
 
 #[test]

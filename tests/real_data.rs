@@ -9,8 +9,11 @@ use libtest_mimic::{Arguments, Failed, Trial};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use truing_robot::calibration::{CalibrationResult, SetResult, Status, load};
 use truing_robot::file::CalibrationFile;
+use truing_robot::identify::Status;
+use truing_robot::judge::SetResult;
+use truing_robot::load::load;
+use truing_robot::result::CalibrationResult;
 
 const HOLDOUT: &str = "holdout = { every = 10, rows = [0, 3, 7] }";
 
@@ -135,7 +138,7 @@ fn socket_pairs(calibration: &str) -> String {
 }
 
 fn mm(set: &SetResult) -> (f64, f64) {
-    let rms = |e: &Option<truing_robot::calibration::ErrorSummary>| e.as_ref().unwrap().rms * 1e3;
+    let rms = |e: &Option<truing_robot::judge::ErrorSummary>| e.as_ref().unwrap().rms * 1e3;
     (rms(&set.registered), rms(&set.after))
 }
 

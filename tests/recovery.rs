@@ -8,9 +8,10 @@ use puma::{Scene, What, puma, table, two_pumas};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use truing::nalgebra::Vector3;
-use truing_robot::calibration::{Arm, Choice, MeasurementSet, Outcome, Status};
-use truing_robot::posture;
-use truing_robot::simulate::{Sampling, sample};
+use truing_robot::identify::{Choice, Status};
+use truing_robot::measurement::{Sampling, sample};
+use truing_robot::robot::posture;
+use truing_robot::{Arm, MeasurementSet, Outcome};
 
 /// Largest error, relative to the parameters' own size: lengths to that of the arm, 0.43 m; angles
 /// and gains to one.
@@ -172,7 +173,6 @@ fn fresh(scene: &Scene, k: usize) -> MeasurementSet {
     let mut rng = ChaCha8Rng::seed_from_u64(77);
     sample(
         &scene.arms,
-        k,
         &scene.sets[k],
         &scene.truth,
         &sampling,
@@ -206,7 +206,7 @@ fn errors_of_parameters_that_are_not_estimated_are_taken_over() {
         let after = outcome.result.validation[0].after.clone().unwrap();
         println!("{what:?}: {:.1e} m", after.max);
         assert!(after.max < RECOVERED, "{what:?}: {} m", after.max);
-        if let Some(rotation) = after.rotation {
+        if let Some(rotation) = after.rotation() {
             assert!(rotation.max < RECOVERED, "{} rad", rotation.max);
         }
     }

@@ -10,8 +10,10 @@ use rand_chacha::ChaCha8Rng;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use truing_robot::calibration::{CalibrationResult, Measured, load};
+use truing::nalgebra::Vector3;
 use truing_robot::file::CalibrationFile;
+use truing_robot::load::load;
+use truing_robot::result::CalibrationResult;
 
 fn data() -> PathBuf {
     match std::env::var_os("TRUING_DATA") {
@@ -58,13 +60,14 @@ fn calibrate(loss: &str, seed: Option<u64>) -> (CalibrationResult, BTreeSet<usiz
     if let Some(seed) = seed {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let rows = calibration.sets[0].origin.clone().unwrap().rows;
-        let Measured::Position(points) = &mut calibration.sets[0].measured else {
-            panic!("not positions");
-        };
-        for (point, row) in points.iter_mut().zip(rows) {
+        let set = &mut calibration.sets[0];
+        for (k, row) in rows.into_iter().enumerate() {
             if rng.random::<f64>() < 0.3 {
+                let mut point = Vector3::from_column_slice(set.values.row(k));
                 let direction = point.map(|_| rng.random_range(-1.0..1.0)).normalize();
-                *point += direction * rng.random_range(0.01..0.05);
+                point += direction * rng.random_range(0.01..0.05);
+                let read = set.readings.values.row_mut(k);
+                read.copy_from_slice(point.as_slice());
                 bad.insert(row);
             }
         }

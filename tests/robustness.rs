@@ -17,7 +17,8 @@ use truing::{
     Settings, Solution, Termination, Var, Views, adapt_loss, solve, solve_adaptive,
     solve_graduated,
 };
-use truing_robot::calibration::{Arm, Calibration, Choice, Outcome};
+use truing_robot::identify::Choice;
+use truing_robot::{Arm, Calibration, Outcome};
 
 fn normal(rng: &mut ChaCha8Rng) -> f64 {
     StandardNormal.sample(rng)
@@ -625,7 +626,7 @@ fn corrupted(scene: &Scene, calibration: &Calibration, seed: u64) -> (Calibratio
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let mut corrupted = calibration.clone();
     let mut rows = Vec::new();
-    for (row, q) in corrupted.sets[0].q.iter_mut().enumerate() {
+    for (row, q) in corrupted.sets[0].tools[0].q.iter_mut().enumerate() {
         if rng.random::<f64>() < 0.3 {
             let side = if rng.random::<bool>() { 1.0 } else { -1.0 };
             let plane = Plane {
@@ -634,7 +635,7 @@ fn corrupted(scene: &Scene, calibration: &Calibration, seed: u64) -> (Calibratio
             };
             let off = What::UnknownPlane(vec![plane]);
             let bad = scene.clone().seeded(1000 * seed + row as u64);
-            q.clone_from(&bad.measure(&off, 1, 0.0).sets[1].q[0]);
+            q.clone_from(&bad.measure(&off, 1, 0.0).sets[1].tools[0].q[0]);
             rows.push(row);
         }
     }

@@ -14,8 +14,10 @@ use puma::{Scene, What, puma, table};
 use std::sync::OnceLock;
 use truing::Covariance;
 use truing::nalgebra::{DMatrix, DVector, Vector3};
-use truing_robot::calibration::{Arm, Assembly, Choice, Owner, Status};
-use truing_robot::constraint::Derivatives;
+use truing_robot::Arm;
+use truing_robot::identify::{Choice, Status};
+use truing_robot::model::Assembly;
+use truing_robot::robot::Derivatives;
 
 const SEEDS: u64 = 200;
 /// Of the tracker, the touches and the visits: 0.05 mm.
@@ -79,7 +81,7 @@ fn trial(truth: &Scene, seed: u64) -> Trial {
         .collect();
     let others = |k: &usize| {
         let owner = &assembly.columns[*k].owner;
-        matches!(owner, Owner::Plane(..) | Owner::Point(..))
+        owner.is_local()
     };
     let others: Vec<usize> = (0..assembly.columns.len()).filter(others).collect();
     assembly.free_only(&[robot.clone(), others].concat());

@@ -6,9 +6,12 @@ mod cell;
 
 use cell::Cell;
 use std::path::Path;
+use truing::manifold::{Plane3, Point3, Pose3};
 use truing::nalgebra::Vector3;
-use truing_robot::calibration::Measured;
+
 use truing_robot::file::SimulationFile;
+use truing_robot::kinds::{Distances, KnownPlaneTouches, pose_of};
+use truing_robot::measurement::At;
 use truing_robot::simulate::{Simulated, simulate};
 
 fn example() -> std::path::PathBuf {
@@ -177,11 +180,7 @@ fn joints_stay_within_their_limits() {
             .map(|joint| joint.limits.unwrap())
             .collect();
         for set in &simulated.sets {
-            let second: &[Vec<f64>] = match &set.measured {
-                Measured::Distance { q_b, .. } => q_b,
-                _ => &[],
-            };
-            for q in set.q.iter().chain(second) {
+            for q in set.tools.iter().flat_map(|tool| &tool.q) {
                 for (q, [lower, upper]) in q.iter().zip(&limits) {
                     assert!((*lower..=*upper).contains(q), "`{}`: {q}", set.name);
                 }
@@ -193,30 +192,39 @@ fn joints_stay_within_their_limits() {
 /// What the true robot is off, in lengths \[m\] of one or three components a measurement.
 fn off(simulated: &Simulated, k: usize) -> Vec<f64> {
     let (set, truth) = (&simulated.sets[k], &simulated.truth);
-    let robot = &simulated.arms[set.robot].robot;
-    let tip = |q: &[f64]| robot.forward(&truth.robots[0], q).apply(&truth.target(set));
+    let at = At {
+        arms: &simulated.arms,
+        readings: &set.readings,
+        state: truth,
+    };
     let mut errors = Vec::new();
-    for (row, q) in set.q.iter().enumerate() {
-        let p = tip(q);
-        match &set.measured {
-            Measured::Pose(poses) => errors.extend((poses[row].translation - p).iter()),
-            Measured::Position(points) => {
-                errors.extend((truth.sensor(set).apply(&points[row]) - p).iter());
+    for row in 0..set.len() {
+        let p = at.tip(0, row);
+        let group = set.groups.of_row[row];
+        let seen = || Vector3::from_column_slice(&set.values.row(row)[..3]);
+        match set.kind.name() {
+            "pose" => errors.extend((seen() - p).iter()),
+            "position" => errors.extend((at.sensor().apply(&seen()) - p).iter()),
+            "known-plane" => {
+                let touches = set.kind.downcast::<KnownPlaneTouches>().unwrap();
+                errors.push(touches.plane.signed_distance(&p));
             }
-            Measured::KnownPlane(plane) => errors.push(plane.signed_distance(&p)),
-            Measured::UnknownPlane(groups) => {
-                errors.push(truth.planes[k][groups.of_row[row]].signed_distance(&p));
+            "unknown-plane" => {
+                let plane = at.own_as::<Plane3>(group, "plane").unwrap();
+                errors.push(plane.signed_distance(&p));
             }
-            Measured::SamePoint(groups) => {
-                errors.extend((truth.points[k][groups.of_row[row]] - p).iter());
+            "same-point" => {
+                errors.extend((at.own_as::<Point3>(group, "point").unwrap() - p).iter());
             }
-            Measured::SameLocation(groups) => {
-                let location = truth.locations[k][groups.of_row[row]];
+            "same-location" => {
+                let location = at.own_as::<Pose3>(group, "location").unwrap();
                 errors.extend((location.translation - p).iter());
             }
-            Measured::Distance { q_b, distance, .. } => {
-                errors.push((p - tip(&q_b[row])).norm() - distance.unwrap());
+            "distance" => {
+                let distances = set.kind.downcast::<Distances>().unwrap();
+                errors.push((p - at.tip(1, row)).norm() - distances.distance.unwrap());
             }
+            other => panic!("{other}"),
         }
     }
     errors
@@ -253,11 +261,9 @@ fn with_noise_measurements_scatter_as_was_asked_for() {
         );
     }
     let poses = &simulated.sets[0];
-    let Measured::Pose(measured) = &poses.measured else {
-        panic!("the first set is poses");
-    };
     let robot = &simulated.arms[0].robot;
-    let angles = poses.q.iter().zip(measured).map(|(q, seen)| {
+    let angles = poses.q().iter().enumerate().map(|(row, q)| {
+        let seen = pose_of(poses.values.row(row));
         let tool = robot.forward(&simulated.truth.robots[0], q);
         let turn = tool.rotation.transpose() * seen.rotation;
         Vector3::new(turn[(2, 1)], turn[(0, 2)], turn[(1, 0)]).norm_squared() / 1e-8
@@ -276,12 +282,17 @@ fn planes_can_be_drawn_at_a_distance_from_the_origin() {
         )
         .replace("planes = 2", "planes = 2\nplane_distance = \"2 cm\"");
     let (one, other) = (simulated(&text, None), simulated(&text, Some(12)));
-    for plane in one.truth.planes.iter().flatten() {
-        assert!((plane.distance.abs() - 0.02).abs() < 1e-15);
-    }
-    let known = |simulated: &Simulated| match simulated.sets[2].measured {
-        Measured::KnownPlane(plane) => plane,
-        _ => panic!("the third set is touches of a known plane"),
+    let planes = one.truth.iter();
+    let planes = planes.filter_map(|(_, value)| value.get::<Plane3>());
+    assert_eq!(
+        planes
+            .map(|plane| assert!((plane.distance.abs() - 0.02).abs() < 1e-15))
+            .count(),
+        2
+    );
+    let known = |simulated: &Simulated| {
+        let kind = &simulated.sets[2].kind;
+        kind.downcast::<KnownPlaneTouches>().unwrap().plane
     };
     assert_ne!(known(&one), known(&other));
     assert!(off(&one, 2).iter().all(|e| e.abs() < 1e-11));

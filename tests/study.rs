@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use truing_planar::Planar;
 use truing_robot::Error;
+use truing_robot::Registry;
 use truing_robot::file::StudyFile;
 use truing_robot::study::{Study, StudyResult, load_study};
 
@@ -56,7 +57,7 @@ name = "LM"
 
 fn load(text: &str) -> Result<Study, Error> {
     let file = StudyFile::parse(text, examples().join("puma560/study.toml"))?;
-    load_study(&file, &[&Planar])
+    load_study(&file, &Registry::with(&[&Planar]))
 }
 
 fn run(text: &str) -> StudyResult {
@@ -465,7 +466,7 @@ fn the_studies_of_the_examples_load_and_the_small_one_runs() {
             continue;
         }
         let file = StudyFile::read(&path).unwrap();
-        let study = load_study(&file, &[&Planar]).unwrap();
+        let study = load_study(&file, &Registry::with(&[&Planar])).unwrap();
         if path.ends_with("tracker.toml") {
             let result = study.run(None, &AtomicBool::new(false), &|| ()).unwrap();
             let count = |row: &truing_robot::study::StudyRow| row.recovered == row.trials;
@@ -539,7 +540,8 @@ fn the_published_tables_say_what_the_book_says() {
 fn the_published_tables_come_out_again() {
     for name in ["planar", "planar-noise"] {
         let path = examples().join("studies").join(format!("{name}.toml"));
-        let study = load_study(&StudyFile::read(path).unwrap(), &[&Planar]).unwrap();
+        let study =
+            load_study(&StudyFile::read(path).unwrap(), &Registry::with(&[&Planar])).unwrap();
         let result = study.run(None, &AtomicBool::new(false), &|| ()).unwrap();
         let expected = published(&format!("{name}.txt"));
         assert_eq!(result.rows.len(), expected.len());

@@ -14,7 +14,9 @@ use puma::{Scene, What, puma};
 use std::sync::OnceLock;
 use truing::manifold::{Pose, so3};
 use truing::nalgebra::{Vector3, Vector6};
-use truing_robot::calibration::{Arm, Choice, Measured, Outcome, ToolPose};
+use truing_robot::identify::Choice;
+use truing_robot::judge::ToolPose;
+use truing_robot::{Arm, Outcome};
 
 const SEEDS: u64 = 200;
 /// Of positions [m] and rotations [rad].
@@ -84,8 +86,8 @@ impl Trial {
     fn reflector(&self, q: &[f64]) -> Vector3<f64> {
         let truth = &self.scene.truth;
         let tool = puma().forward(&truth.robots[0], q);
-        let point = tool.apply(&truth.targets[&(0, "reflector".to_owned())]);
-        truth.frames["tracker"].inverse().apply(&point)
+        let point = tool.apply(&truth.target(0, "reflector").unwrap());
+        truth.frame("tracker").unwrap().inverse().apply(&point)
     }
 
     fn seen(&self, q: &[f64]) -> ToolPose {
@@ -158,13 +160,13 @@ fn the_summary_is_what_errors_are_where_it_was_measured() {
         let n = set.len() as f64;
         assert_eq!(tools[0].count, set.len());
         assert!(!tools[0].given_held);
-        let error = set.q.iter().map(square).sum::<f64>() / n;
+        let error = set.q().iter().map(square).sum::<f64>() / n;
         let expected = (tools[0].rms / trial.sigma0()).powi(2);
         differences.push(error / expected - 1.0);
-        let sigmas = set.q.iter().map(|q| trial.seen(q).position_sigma());
+        let sigmas = set.q().iter().map(|q| trial.seen(q).position_sigma());
         let worst = sigmas.fold(0.0, f64::max);
         assert_relative_eq!(tools[0].worst, worst, max_relative = 1e-12);
-        let there = trial.seen(&set.q[tools[0].row]).position_sigma();
+        let there = trial.seen(&set.q()[tools[0].row]).position_sigma();
         assert_relative_eq!(there, worst, max_relative = 1e-12);
     }
     let n = differences.len() as f64;
@@ -207,10 +209,7 @@ fn outliers_are_rarely_found_where_there_are_none() {
 #[test]
 fn an_outlier_is_found_and_named() {
     let mut scene = tracked()[0].scene.clone();
-    let Measured::Position(points) = &mut scene.sets[0].measured else {
-        panic!("positions were measured");
-    };
-    points[17].y += 15.0 * SIGMA;
+    scene.sets[0].values.row_mut(17)[1] += 15.0 * SIGMA;
     let result = scene.calibrate(false).result;
     assert_eq!(result.outliers.len(), 1, "{:?}", result.outliers);
     assert_eq!(result.outliers[0].row, 17);
@@ -232,8 +231,7 @@ fn leverages_add_up_to_the_unknowns() {
     let freedom = outcome.uncertainty.as_ref().unwrap().degrees_of_freedom;
     assert_relative_eq!(freedom, 3.0 * 35.0 - unknowns, max_relative = 1e-12);
     let mut calibration = scene.calibration(false);
-    let d4 = puma().parameter("d4").unwrap();
-    calibration.estimate.priors = vec![(0, d4, 1e-9)];
+    calibration.estimate.priors = vec![("d4".into(), 1e-9)];
     let held = calibration.run(&|_| {}).unwrap();
     assert_relative_eq!(total(&held), unknowns - 1.0, max_relative = 1e-6);
     let statistics = held.result.statistics.as_ref().unwrap();
@@ -250,8 +248,7 @@ fn leverages_add_up_to_the_unknowns() {
 fn the_tool_does_not_depend_on_which_parameters_are_held() {
     let trial = &tracked()[0];
     let mut other = trial.scene.calibration(false);
-    let r3 = puma().parameter("r3").unwrap();
-    other.estimate.preference = vec![(0, r3)];
+    other.estimate.preference = vec!["r3".into()];
     let other = other.run(&|_| {}).unwrap();
     let sigma = |outcome: &Outcome, name: &str| {
         let found = outcome.result.parameters.iter().find(|p| p.name == name);

@@ -6,9 +6,9 @@ mod puma;
 
 use puma::{Scene, What, puma};
 use truing::Loss;
-use truing_robot::calibration::{
-    Arm, Calibration, CalibrationResult, Estimate, Measured, ParameterResult, Status,
-};
+use truing_robot::identify::Status;
+use truing_robot::result::{CalibrationResult, ParameterResult};
+use truing_robot::{Arm, Calibration};
 
 fn find<'r>(result: &'r CalibrationResult, name: &str) -> &'r ParameterResult {
     result.parameters.iter().find(|p| p.name == name).unwrap()
@@ -25,16 +25,7 @@ fn positions(seed: u64, count: usize, sigma: f64) -> (Scene, Calibration) {
     let scene = Scene::perturbed(vec![Arm::only(puma())], seed, chosen)
         .seeded(seed + 1000)
         .measure(&What::Position, count, sigma);
-    let wanted = robot
-        .parameters()
-        .iter()
-        .map(|p| !p.name.starts_with('K'))
-        .collect();
-    let mut calibration = Calibration::new(scene.arms.clone(), scene.sets.clone());
-    calibration.estimate = Estimate {
-        wanted: vec![wanted],
-        ..Estimate::default()
-    };
+    let calibration = Calibration::new(scene.arms.clone(), scene.sets.clone()).fixing(&["gains"]);
     (scene, calibration)
 }
 
@@ -43,13 +34,12 @@ fn positions(seed: u64, count: usize, sigma: f64) -> (Scene, Calibration) {
 #[test]
 fn a_prior_keeps_its_standard_deviation_whatever_the_residuals_are() {
     let (_, calibration) = positions(1, 60, 1e-4);
-    let k = puma().parameter("d4").unwrap();
     for stated in [1e-3, 1e-5] {
         // The measurements are said to be ten times worse, or better, than they are.
         let with_prior = |sigma: f64| {
             let mut c = calibration.clone();
-            c.sets = c.sets.into_iter().map(|set| set.sigma(stated)).collect();
-            c.estimate.priors = vec![(0, k, sigma)];
+            c.sets = c.sets.into_iter().map(|set| set.sigma(&[stated])).collect();
+            c.estimate.priors = vec![("d4".into(), sigma)];
             c.run(&|_| {}).unwrap().result
         };
         let strong = find(&with_prior(1e-7), "d4").sigma.unwrap();
@@ -59,7 +49,7 @@ fn a_prior_keeps_its_standard_deviation_whatever_the_residuals_are() {
         without.sets = without
             .sets
             .into_iter()
-            .map(|set| set.sigma(stated))
+            .map(|set| set.sigma(&[stated]))
             .collect();
         let alone = find(&without.run(&|_| {}).unwrap().result, "d4")
             .sigma
@@ -76,7 +66,7 @@ fn a_parameter_at_its_bound_has_no_standard_deviation() {
     let k = puma().parameter("theta5").unwrap();
     let error = scene.truth.robots[0][k] - puma().nominal()[k];
     let mut bounded = calibration.clone();
-    bounded.estimate.bounds = vec![(0, k, -0.2 * error.abs(), 0.2 * error.abs())];
+    bounded.estimate.bounds = vec![("theta5".into(), -0.2 * error.abs(), 0.2 * error.abs())];
     let result = bounded.run(&|_| {}).unwrap().result;
     let at = find(&result, "theta5");
     assert!(at.at_bound.is_some() && at.sigma.is_none(), "{at:?}");
@@ -84,7 +74,7 @@ fn a_parameter_at_its_bound_has_no_standard_deviation() {
     // the multiplier times the difference.
     let cost = |part: f64| {
         let mut moved = bounded.clone();
-        moved.estimate.bounds = vec![(0, k, -part * error.abs(), part * error.abs())];
+        moved.estimate.bounds = vec![("theta5".into(), -part * error.abs(), part * error.abs())];
         moved.run(&|_| {}).unwrap().result.cost
     };
     let slope = (cost(0.201) - cost(0.199)) / (0.002 * error.abs()) * error.signum();
@@ -104,9 +94,8 @@ fn a_calibration_that_ends_with_everything_at_bounds_still_reports() {
     let (scene, mut calibration) = positions(6, 40, 1e-4);
     let k = puma().parameter("d4").unwrap();
     let error = scene.truth.robots[0][k] - puma().nominal()[k];
-    calibration.estimate.wanted[0].fill(false);
-    calibration.estimate.wanted[0][k] = true;
-    calibration.estimate.bounds = vec![(0, k, -1e-6, 1e-6)];
+    calibration.estimate.parameters = vec!["d4".into()];
+    calibration.estimate.bounds = vec![("d4".into(), -1e-6, 1e-6)];
     let result = calibration.run(&|_| {}).unwrap().result;
     let at = find(&result, "d4");
     assert!(
@@ -155,15 +144,12 @@ fn redescending_estimates_scatter_as_their_standard_deviations_say() {
             for seed in 0..20 {
                 let (scene, mut calibration) = positions(seed, 100, 1e-4);
                 calibration.sets[0].loss = loss;
-                let Measured::Position(points) = &mut calibration.sets[0].measured else {
-                    panic!("not positions");
-                };
-                for (row, point) in points.iter_mut().enumerate() {
-                    if share > 0 && row % share == 0 {
-                        let angle = row as f64 + seed as f64;
-                        point.x += 0.03 * angle.cos();
-                        point.y += 0.03 * angle.sin();
-                    }
+                let values = &mut calibration.sets[0].values;
+                for row in (0..100).filter(|row| share > 0 && row % share == 0) {
+                    let angle = row as f64 + seed as f64;
+                    let point = values.row_mut(row);
+                    point[0] += 0.03 * angle.cos();
+                    point[1] += 0.03 * angle.sin();
                 }
                 let result = calibration.run(&|_| {}).unwrap().result;
                 let truth = &scene.truth.robots[0];
@@ -221,17 +207,8 @@ fn a_base_far_from_its_file_is_found_by_registration() {
         scene
             .measure(&What::Position, 40, 1e-4)
             .measure(&What::KnownPlane(plane), 40, 1e-4);
-    assert!(matches!(scene.sets[1].measured, Measured::KnownPlane(_)));
-    let wanted = puma()
-        .parameters()
-        .iter()
-        .map(|p| !p.name.starts_with('K'))
-        .collect();
-    let mut calibration = Calibration::new(scene.arms.clone(), scene.sets.clone());
-    calibration.estimate = Estimate {
-        wanted: vec![wanted],
-        ..Estimate::default()
-    };
+    assert_eq!(scene.sets[1].kind.name(), "known-plane");
+    let calibration = scene.calibration(false);
     let result = calibration.run(&|_| {}).unwrap().result;
     assert!(result.trusted, "{:?}", result.warnings);
     let base = find(&result, "r0");

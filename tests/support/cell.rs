@@ -8,7 +8,7 @@ use rand_chacha::ChaCha8Rng;
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use truing_robot::Robot;
-use truing_robot::file::RobotFile;
+use truing_robot::robot::RobotFile;
 
 /// A robot like the PUMA 560, its wrist out of line so that nothing is singular.
 pub const ROBOT: &str = r#"name = "PUMA 560"

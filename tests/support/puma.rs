@@ -7,15 +7,19 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use std::path::{Path, PathBuf};
 use truing_robot::Robot;
-use truing_robot::calibration::{
-    Arm, Assembly, Calibration, Choice, Groups, Measured, MeasurementSet, Outcome, Owner, Sigma,
-    State, default_preference, in_order, select, start,
-};
-use truing_robot::constraint::Derivatives;
-use truing_robot::file::{ErrorSpec, RobotFile};
-use truing_robot::simulate::{Sampling, perturbed, sample};
+use truing_robot::file::ErrorSpec;
+use truing_robot::identify::{Choice, default_preference, in_order, select};
+use truing_robot::kinds;
+use truing_robot::measurement::Groups;
+use truing_robot::measurement::{Sampling, sample};
+use truing_robot::model::{Assembly, Owner};
+use truing_robot::robot::{Derivatives, RobotFile, Unit};
+use truing_robot::simulate::perturbed;
+use truing_robot::start::start;
+use truing_robot::unknown::{State, Value};
+use truing_robot::{Arm, Calibration, MeasurementSet, Outcome};
 
-use truing::manifold::{Plane, Pose};
+use truing::manifold::{Plane, Plane3, Point3, Pose, Pose3};
 use truing::nalgebra::Vector3;
 
 /// A file of the example.
@@ -131,10 +135,7 @@ pub struct Scene {
 impl Scene {
     /// Robots that are as their tables say.
     pub fn nominal(arms: Vec<Arm>, seed: u64) -> Self {
-        let truth = State {
-            robots: arms.iter().map(|arm| arm.robot.nominal()).collect(),
-            ..State::default()
-        };
+        let truth = State::of(arms.iter().map(|arm| arm.robot.nominal()).collect());
         Self {
             arms,
             truth,
@@ -164,88 +165,77 @@ impl Scene {
     /// rotations\].
     pub fn measure(mut self, what: &What, count: usize, sigma: f64) -> Self {
         let k = self.sets.len();
-        let (mut planes, mut points, mut distance) = (Vec::new(), Vec::new(), 0.0);
-        let mut locations = Vec::new();
-        let groups = |n: usize| Groups {
-            names: (1..=n).map(|g| g.to_string()).collect(),
-            of_row: Vec::new(),
+        let none = Vec::new;
+        let unnamed = [""; 0];
+        let apart = |length: f64| Value::number("distance", Unit::Meter, length);
+        let two_arms = |known| kinds::distance("", none(), none(), known);
+        let (template, values): (MeasurementSet, Vec<Value>) = match what {
+            What::Pose => (kinds::pose("", none(), &[]), none_of()),
+            What::Position => (kinds::position("", none(), &[]), none_of()),
+            What::TrackedPosition => {
+                let turned =
+                    Pose::from_quaternion(Vector3::new(3.0, -0.5, 0.2), [0.0, 0.0, 0.6, 0.8]);
+                self.truth.set_frame("tracker", turned);
+                let reflector = Vector3::new(0.02, -0.03, 0.1);
+                self.truth.set_target(0, "reflector", reflector);
+                let set = kinds::position("", none(), &[]);
+                (set.frame("tracker").target("reflector"), none_of())
+            }
+            What::KnownPlane(plane) => (kinds::known_plane("", none(), *plane), none_of()),
+            What::UnknownPlane(listed) => (
+                kinds::unknown_plane("", none(), unnamed),
+                listed.iter().map(|p| Value::of::<Plane3>(*p)).collect(),
+            ),
+            What::SamePoint(listed) => (
+                kinds::same_point("", none(), unnamed),
+                listed.iter().map(|p| Value::of::<Point3>(*p)).collect(),
+            ),
+            What::SameLocation(listed) => (
+                kinds::same_location("", none(), unnamed),
+                listed.iter().map(|p| Value::of::<Pose3>(*p)).collect(),
+            ),
+            What::TwoArms(length) => (two_arms(Some(*length)), vec![apart(*length)]),
+            What::TwoArmsUnknown(length) => (two_arms(None), vec![apart(*length)]),
+            What::TwoPostures(length) => (
+                kinds::posture_distance("", none(), none(), Some(*length)),
+                vec![apart(*length)],
+            ),
         };
-        let apart = |length: f64, other: Option<usize>, known: bool| Measured::Distance {
-            other,
-            q_b: Vec::new(),
-            distance: known.then_some(length),
-        };
-        let measured = match what {
-            What::Pose => Measured::Pose(Vec::new()),
-            What::Position | What::TrackedPosition => Measured::Position(Vec::new()),
-            What::KnownPlane(plane) => Measured::KnownPlane(*plane),
-            What::UnknownPlane(listed) => {
-                planes.clone_from(listed);
-                Measured::UnknownPlane(groups(listed.len()))
-            }
-            What::SamePoint(listed) => {
-                points.clone_from(listed);
-                Measured::SamePoint(groups(listed.len()))
-            }
-            What::SameLocation(listed) => {
-                locations.clone_from(listed);
-                Measured::SameLocation(groups(listed.len()))
-            }
-            What::TwoArms(length) => {
-                distance = *length;
-                apart(*length, Some(1), true)
-            }
-            What::TwoArmsUnknown(length) => {
-                distance = *length;
-                apart(*length, Some(1), false)
-            }
-            What::TwoPostures(length) => {
-                distance = *length;
-                apart(*length, None, true)
-            }
-        };
-        let name = format!("{}-{}", measured.kind(), k + 1);
-        let mut template = MeasurementSet::new(name, 0, Vec::new(), measured);
-        if let What::TrackedPosition = what {
-            template = template.frame("tracker").target("reflector");
-            let turned = Pose::from_quaternion(Vector3::new(3.0, -0.5, 0.2), [0.0, 0.0, 0.6, 0.8]);
-            self.truth.frames.insert("tracker".into(), turned);
-            let reflector = Vector3::new(0.02, -0.03, 0.1);
-            self.truth
-                .targets
-                .insert((0, "reflector".into()), reflector);
+        let mut template = template;
+        template.readings.name = format!("{}-{}", template.kind.name(), k + 1);
+        if template.kind.grouping().is_some() {
+            template.readings.groups = Groups {
+                names: (1..=values.len()).map(|g| g.to_string()).collect(),
+                of_row: Vec::new(),
+            };
         }
-        self.truth.planes.push(planes);
-        self.truth.points.push(points);
-        self.truth.locations.push(locations);
-        self.truth.distances.push(distance);
-        let noise = Sigma {
-            position: sigma,
-            rotation: sigma,
-        };
+        if let Some(unknown) = template.kind.unknowns().first() {
+            for (group, value) in template.groups.names.iter().zip(values) {
+                self.truth
+                    .set_own(&template.name, group, unknown.name, value);
+            }
+        }
+        let noise = vec![sigma; template.kind.measurands().len()];
         let sampling = Sampling {
             count,
-            noise: Some(noise),
+            noise: Some(&noise),
             near: None,
         };
         let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
         rng.set_stream(k as u64 + 1);
-        let set = sample(&self.arms, k, &template, &self.truth, &sampling, &mut rng).unwrap();
+        let set = sample(&self.arms, &template, &self.truth, &sampling, &mut rng).unwrap();
         self.sets.push(set);
         self
     }
 
     /// The calibration of these measurements, of everything but the gains unless they are asked for.
     pub fn calibration(&self, gains: bool) -> Calibration {
-        let mut calibration = Calibration::new(self.arms.clone(), self.sets.clone());
-        let wanted = |arm: &Arm| {
-            let parameters = arm.robot.parameters().iter();
-            parameters
-                .map(|p| gains || !p.name.starts_with('K'))
-                .collect()
-        };
-        calibration.estimate.wanted = self.arms.iter().map(wanted).collect();
-        calibration
+        let calibration = Calibration::new(self.arms.clone(), self.sets.clone());
+        if gains {
+            calibration
+        } else {
+            calibration.fixing(&["gains"])
+        }
     }
 
     /// Calibrates; see [`calibration`](Self::calibration).
@@ -284,4 +274,9 @@ impl Scene {
             .map(|(column, choice)| (column.name.clone(), choice))
             .collect()
     }
+}
+
+/// The values of a kind that has no unknowns.
+fn none_of() -> Vec<Value> {
+    Vec::new()
 }

@@ -68,10 +68,7 @@ fn file_kind(path: &Path) -> Result<FileKind, InputError> {
         .with_help("name a calibration file or a robot file"))
 }
 
-fn calibration(
-    arguments: &Identify,
-    registry: &Registry,
-) -> Result<Identification, Failure> {
+fn calibration(arguments: &Identify, registry: &Registry) -> Result<Identification, Failure> {
     let given = [
         ("--kind", !arguments.kinds.is_empty(), "constraints"),
         ("--plane", !arguments.planes.is_empty(), "constraints"),

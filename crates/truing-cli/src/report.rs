@@ -3,9 +3,9 @@
 use crate::failure::Failure;
 use crate::show::{digits, own_numbers, people, set_aside, taken_over};
 use crate::show_statistics::{place, probability, sentences};
+use crate::words::{number, shown, titled};
 use minijinja::{Environment, context};
 use plotters::prelude::*;
-use crate::words::{number, shown, titled};
 use std::collections::BTreeSet;
 use truing_robot::Outcome;
 use truing_robot::identify::Status;

@@ -74,7 +74,10 @@ pub struct Paper;
 
 impl Paper {
     fn no_equation(kind: &dyn Kind) -> String {
-        format!("the paper has no equation for measurements of kind {}", kind.name())
+        format!(
+            "the paper has no equation for measurements of kind {}",
+            kind.name()
+        )
     }
 }
 

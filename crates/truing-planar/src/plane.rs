@@ -96,7 +96,11 @@ impl Chart for Coefficients {
 
     fn coordinates(&self, value: &Value) -> Result<Value, Error> {
         let [a, b, c] = Self::wanted(&plane_of(value))?;
-        let numbers = [("a", Unit::One, a), ("b", Unit::One, b), ("c", Unit::One, c)];
+        let numbers = [
+            ("a", Unit::One, a),
+            ("b", Unit::One, b),
+            ("c", Unit::One, c),
+        ];
         Ok(Value::numbers(&numbers))
     }
 

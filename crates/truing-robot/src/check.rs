@@ -135,9 +135,7 @@ impl Job {
             .collect();
         let states =
             [nominal, away].map(|robots| start(&self.arms, &self.sets, robots, &State::default()));
-        let check = |set: &MeasurementSet| {
-            self.check_set(set, &states, ways)
-        };
+        let check = |set: &MeasurementSet| self.check_set(set, &states, ways);
         self.sets.iter().map(check).collect()
     }
 

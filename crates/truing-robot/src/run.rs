@@ -54,11 +54,7 @@ impl Calibration {
 }
 
 impl Job {
-    fn run(
-        &self,
-        mut warnings: Vec<String>,
-        watch: &dyn Fn(Stage),
-    ) -> Result<Outcome, Error> {
+    fn run(&self, mut warnings: Vec<String>, watch: &dyn Fn(Stage)) -> Result<Outcome, Error> {
         let solved = self.solve_checked(Registration::Always, &mut warnings, watch)?;
         let (assembly, choices, solution) = (solved.assembly, solved.choices, solved.solution);
 
@@ -72,8 +68,7 @@ impl Job {
         let summarise = |set: &MeasurementSet| self.summarise(set, &fitted);
         let constraints: Vec<SetResult> =
             self.sets.iter().map(summarise).collect::<Result<_, _>>()?;
-        let mut validation: Vec<SetResult> =
-            held_out().map(summarise).collect::<Result<_, _>>()?;
+        let mut validation: Vec<SetResult> = held_out().map(summarise).collect::<Result<_, _>>()?;
         let mut errors = Vec::new();
         for set in &self.sets {
             errors.push(self.series(set, &fitted, false)?);

@@ -152,7 +152,11 @@ impl Problem {
     /// If there is not one name for each degree of freedom.
     #[track_caller]
     pub fn name_any(&mut self, var: AnyVar, names: &[String]) {
-        assert_eq!(names.len(), var.columns().len(), "one name a degree of freedom");
+        assert_eq!(
+            names.len(),
+            var.columns().len(),
+            "one name a degree of freedom"
+        );
         self.variables[var.index()].components = names.to_vec();
     }
 

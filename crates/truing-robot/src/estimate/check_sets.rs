@@ -95,14 +95,25 @@ fn check(arms: &[Arm], set: &mut MeasurementSet, notes: &mut Vec<String>) -> Res
             if let Some(joint) = q.iter().position(|q| !q.is_finite()) {
                 let name = &arm.robot.joints()[joint].name;
                 let found = format!("the value of joint `{name}` is {}", q[joint]);
-                return Err(wrong(set, Some(row), &found, "correct it, or leave the row out"));
+                return Err(wrong(
+                    set,
+                    Some(row),
+                    &found,
+                    "correct it, or leave the row out",
+                ));
             }
         }
     }
     let counts = [
-        ("rows of what was read", count(set.values.width(), set.values.as_slice(), rows)),
+        (
+            "rows of what was read",
+            count(set.values.width(), set.values.as_slice(), rows),
+        ),
         ("group labels", set.groups.of_row.len()),
-        ("standard deviations", count(set.sigma.width(), set.sigma.as_slice(), rows)),
+        (
+            "standard deviations",
+            count(set.sigma.width(), set.sigma.as_slice(), rows),
+        ),
     ];
     for (what, found) in counts {
         if found != rows {
@@ -111,8 +122,16 @@ fn check(arms: &[Arm], set: &mut MeasurementSet, notes: &mut Vec<String>) -> Res
         }
     }
     let widths = [
-        ("numbers in a row", set.values.width(), set.kind.columns().len()),
-        ("standard deviations in a row", set.sigma.width(), set.kind.measurands().len()),
+        (
+            "numbers in a row",
+            set.values.width(),
+            set.kind.columns().len(),
+        ),
+        (
+            "standard deviations in a row",
+            set.sigma.width(),
+            set.kind.measurands().len(),
+        ),
     ];
     for (what, found, expected) in widths {
         if found != expected {
@@ -120,8 +139,17 @@ fn check(arms: &[Arm], set: &mut MeasurementSet, notes: &mut Vec<String>) -> Res
             return Err(wrong(set, None, &found, "give what the kind reads"));
         }
     }
-    if let Some(row) = set.groups.of_row.iter().position(|g| *g >= set.groups.len()) {
-        let found = format!("is of group number {}, of {}", set.groups.of_row[row], set.groups.len());
+    if let Some(row) = set
+        .groups
+        .of_row
+        .iter()
+        .position(|g| *g >= set.groups.len())
+    {
+        let found = format!(
+            "is of group number {}, of {}",
+            set.groups.of_row[row],
+            set.groups.len()
+        );
         return Err(wrong(set, Some(row), &found, "name every group"));
     }
     check_numbers(set, notes)
@@ -138,12 +166,23 @@ fn check_numbers(set: &mut MeasurementSet, notes: &mut Vec<String>) -> Result<()
         let read = set.values.row(row);
         if let Some(k) = read.iter().position(|x| !x.is_finite()) {
             let found = format!("`{}` is {}", set.kind.columns()[k].name, read[k]);
-            return Err(wrong(set, Some(row), &found, "correct it, or leave the row out"));
+            return Err(wrong(
+                set,
+                Some(row),
+                &found,
+                "correct it, or leave the row out",
+            ));
         }
         let sigma = set.sigma.row(row);
         if let Some(sigma) = sigma.iter().find(|sigma| !ordinary(**sigma)) {
-            let found = format!("a standard deviation of {sigma:e}; expected one of ordinary size above 0");
-            return Err(wrong(set, Some(row), &found, "write the standard deviation of one measurement"));
+            let found =
+                format!("a standard deviation of {sigma:e}; expected one of ordinary size above 0");
+            return Err(wrong(
+                set,
+                Some(row),
+                &found,
+                "write the standard deviation of one measurement",
+            ));
         }
         let kind = set.kind.clone();
         match kind.check_row(set.readings.values.row_mut(row)) {

@@ -17,8 +17,8 @@ mod whole;
 pub(crate) mod words;
 
 pub use calibration::{Calibration, Estimate, Strategy};
+pub(crate) use check_sets::ordinary;
 pub use estimated::Estimated;
+pub(crate) use job::Job;
 pub use stage::Stage;
 pub use whole::Registration;
-pub(crate) use check_sets::ordinary;
-pub(crate) use job::Job;

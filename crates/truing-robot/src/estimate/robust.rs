@@ -3,8 +3,8 @@
 
 use super::job::Job;
 use super::search::{GOOD, Robust, Search, THIN, left};
-use crate::measurement::MeasurementSet;
 use crate::error::Error;
+use crate::measurement::MeasurementSet;
 use truing::solver::run;
 use truing::{Loss, Settings, Tolerances, Values, solve_graduated_from};
 

@@ -129,7 +129,11 @@ impl Job {
         let slope = |state: &State| -> Result<f64, Error> {
             let derivatives = &self.estimate.derivatives;
             let assembly = Assembly::new(&self.arms, &plain, state, derivatives)?;
-            Ok(super::search::slope(&self.arms, &assembly, assembly.problem.initial()))
+            Ok(super::search::slope(
+                &self.arms,
+                &assembly,
+                assembly.problem.initial(),
+            ))
         };
         Ok(slope(estimate)? < THIN * slope(before)?)
     }

@@ -92,9 +92,7 @@ fn number_of(count: usize, [one, several]: [&str; 2]) -> String {
 /// A set without some of its groups; the others are numbered anew.
 fn keep_groups(set: &MeasurementSet, without: &[usize]) -> MeasurementSet {
     let groups = &set.groups;
-    let kept: Vec<usize> = (0..groups.len())
-        .filter(|g| !without.contains(g))
-        .collect();
+    let kept: Vec<usize> = (0..groups.len()).filter(|g| !without.contains(g)).collect();
     let rows: Vec<usize> = (0..set.len())
         .filter(|row| kept.contains(&groups.of_row[*row]))
         .collect();

@@ -1,7 +1,7 @@
 //! From a state to the estimate: registration, where to start, and the least-squares problem.
 
-use super::search::left;
 use super::job::Job;
+use super::search::left;
 use super::words::DISTRUST;
 use crate::error::Error;
 use crate::identify::{Choice, in_order, select};
@@ -26,10 +26,7 @@ impl Job {
     ///
     /// Where a plane or point is out of reach of the robot as its file places it, positions and poses
     /// place it first.
-    pub fn register(
-        &self,
-        begin: &State,
-    ) -> Result<(State, Solution), Error> {
+    pub fn register(&self, begin: &State) -> Result<(State, Solution), Error> {
         let preference = &self.estimate.preference;
         let layout = Assembly::new(&self.arms, &self.sets, begin, &self.estimate.derivatives)?;
         let bases: Vec<Vec<usize>> = self
@@ -70,12 +67,7 @@ impl Job {
 
     /// Where the estimate starts: near a state, inside the bounds, with what is not estimated at
     /// nominal.
-    pub fn starting_state(
-        &self,
-        near: &State,
-        choices: &[Choice],
-        layout: &Assembly,
-    ) -> State {
+    pub fn starting_state(&self, near: &State, choices: &[Choice], layout: &Assembly) -> State {
         let mut robots = self.nominal();
         for (c, column) in layout.columns.iter().enumerate() {
             if let (Choice::Estimated, Owner::Parameter { robot, parameter }) =

@@ -158,10 +158,14 @@ impl LeastSquares for Tempered<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::calibration::{Groups, Owner, State, start};
-    use crate::constraint::Derivatives;
-    use crate::file::RobotFile;
+    use crate::measurement::kinds;
+    use crate::model::{Assembly, Owner};
+    use crate::robot::{Arm, Derivatives, Robot, RobotFile};
+    use crate::start::start;
+    use crate::unknown::State;
     use truing::check;
+    use truing::manifold::Plane;
+    use truing::nalgebra::Vector3;
 
     const MODIFIED: &str = r#"
 convention = "khalil-kleinfinger"
@@ -197,23 +201,20 @@ joint = [
             let q: Vec<Vec<f64>> = (0..20)
                 .map(|k| (0..n).map(|j| (1.7 * (k * n + j) as f64).sin()).collect())
                 .collect();
-            let groups = Groups::by_label((0..20).map(|k| (k % 2).to_string()));
             let known = Plane {
                 normal: Vector3::new(0.3, -0.5, 0.8).normalize(),
                 distance: 0.2,
             };
-            let positions = q.iter().map(|_| Vector3::new(0.1, 0.2, 0.3)).collect();
+            let positions = vec![Vector3::new(0.1, 0.2, 0.3); q.len()];
+            let planes = (0..20).map(|k| (k % 2).to_string());
             let arms = [Arm::only(robot)];
             let sets = [
-                MeasurementSet::new("unknown", 0, q.clone(), Measured::UnknownPlane(groups))
-                    .target("tip"),
-                MeasurementSet::new("known", 0, q.clone(), Measured::KnownPlane(known)),
-                MeasurementSet::new("seen", 0, q, Measured::Position(positions)),
+                kinds::unknown_plane("unknown", q.clone(), planes).target("tip"),
+                kinds::known_plane("known", q.clone(), known),
+                kinds::position("seen", q, &positions),
             ];
             let mut known = State::default();
-            known
-                .targets
-                .insert((0, "tip".into()), Vector3::new(0.1, -0.2, 0.15));
+            known.set_target(0, "tip", Vector3::new(0.1, -0.2, 0.15));
             let nominal = arms[0].robot.nominal();
             let state = start(&arms, &sets, vec![nominal], &known);
             let assembly = Assembly::new(&arms, &sets, &state, &Derivatives::default()).unwrap();

@@ -43,7 +43,7 @@ impl Job {
     ) -> Result<Solved, Error> {
         let derivatives = &self.estimate.derivatives;
         let begin = start(&self.arms, &self.sets, self.nominal(), &State::default());
-        
+
         watch(Stage::Registering);
         let layout = Assembly::new(&self.arms, &self.sets, &begin, derivatives)?;
         let off = self.misfit(&begin)?;

@@ -213,19 +213,13 @@ fn group(table: &mut Section<'_>) -> Result<Vec<String>, InputError> {
 mod tests {
     use super::*;
     use crate::file::calibration::CalibrationFile;
+    use crate::measurement::kinds::{Distances, KnownPlaneTouches};
+    use truing::nalgebra::Vector3;
 
     fn read(lines: &str) -> Result<ConstraintSpec, InputError> {
         let text = format!("[robot]\nfile = 'r'\n[[constraint]]\ndata = 'd.csv'\n{lines}\n");
         let mut file = CalibrationFile::parse(&text, "c.toml")?;
         Ok(file.constraints.remove(0))
-    }
-
-    #[test]
-    fn kinds_are_found_by_their_names() {
-        for kind in Kind::ALL {
-            assert_eq!(Kind::from_name(kind.name()), Some(kind));
-        }
-        assert_eq!(Kind::from_name("Pose"), None);
     }
 
     #[test]
@@ -238,35 +232,53 @@ mod tests {
         )
         .unwrap();
         assert_eq!(spec.name, "a");
-        let SigmaSpec::Pose { position, rotation } = spec.sigma.unwrap() else {
-            panic!("two parts");
-        };
-        assert_eq!((position, rotation), (1e-4, 2e-4));
-        assert_eq!(spec.target_guess.unwrap()[1].value, 0.01);
-        let pose = [1.0, 2.0, 3.0, 0.0, 1.0, 0.0, 0.0];
-        assert_eq!(spec.frame_guess, Some(pose));
+        assert_eq!(spec.sigma, [Some(1e-4), Some(2e-4)]);
+        let guess = spec.target_guess.unwrap();
+        assert_eq!(guess.translation, Vector3::new(0.0, 0.01, 1.0));
+        let frame = spec.frame_guess.unwrap();
+        assert_eq!(frame.translation, Vector3::new(1.0, 2.0, 3.0));
+        assert_eq!(frame.quaternion(), [0.0, 1.0, 0.0, 0.0]);
         assert_eq!(spec.columns[0].0, "x");
         assert_eq!(spec.columns[1].1.value, "q_S");
         assert_eq!(spec.units.length, 1e-3);
         assert_eq!(spec.rows.unwrap().value.as_str(), "0:400");
         assert_eq!(spec.holdout.unwrap().rows, [0, 7]);
         assert_eq!(spec.loss, Loss::Trivial);
+        let body = "kind = 'pose'\ntarget = 'b'\ntarget_guess = [0, 0, 1, 0, 0, 1, 0]";
+        let body = read(body).unwrap().target_guess.unwrap();
+        assert_eq!(body.quaternion(), [0.0, 0.0, 1.0, 0.0]);
 
-        let spec = read("kind = 'known-plane'\nplane = { normal = [0, 0, 2], distance = '4 mm' }");
-        let plane = PlaneSpec::NormalDistance {
-            normal: [0.0, 0.0, 2.0],
-            distance: 4e-3,
+        let plane = |text: &str| {
+            let spec = read(&format!("kind = 'known-plane'\nplane = {text}")).unwrap();
+            spec.kind.downcast::<KnownPlaneTouches>().unwrap().plane
         };
-        assert_eq!(spec.unwrap().plane, Some(plane));
-        let spec = read("kind = 'known-plane'\nplane = { a = 0.3, b = -0.5, c = -1.1 }");
-        assert!(matches!(spec.unwrap().plane, Some(PlaneSpec::Paper { c, .. }) if c == -1.1));
+        let given = plane("{ normal = [0, 0, 2], distance = '4 mm' }");
+        assert_eq!((given.normal, given.distance), (Vector3::z(), 2e-3));
+        // a·x + b·y + c·z + 1 = 0.
+        let given = plane("{ a = 0, b = -2, c = 0 }");
+        assert_eq!((given.normal, given.distance), (-Vector3::y(), -0.5));
         let spec = read("kind = 'same-point'\ngroup = 'point'\nsigma = 1e-4").unwrap();
         assert_eq!(spec.group, ["point"]);
-        assert_eq!(spec.sigma, Some(SigmaSpec::Single(Quantity::bare(1e-4))));
-        let spec = read("kind = 'distance'\ndistance = 'estimate'").unwrap();
-        assert_eq!(spec.distance, Some(DistanceSpec::Estimate));
-        let spec = read("kind = 'distance'\ndistance = '1 mm'").unwrap();
-        assert_eq!(spec.distance, Some(DistanceSpec::Value(1e-3)));
+        assert_eq!(spec.sigma, [Some(1e-4)]);
+        let distance = |text: &str| {
+            let spec = read(&format!("kind = 'distance'\ndistance = {text}")).unwrap();
+            spec.kind.downcast::<Distances>().unwrap().distance
+        };
+        assert_eq!(distance("'estimate'"), None);
+        assert_eq!(distance("'1 mm'"), Some(1e-3));
+    }
+
+    /// A single quantity is that of the first measurand, a bare number that of all.
+    #[test]
+    fn one_sigma_may_stand_for_several() {
+        let sigma = |text: &str| {
+            read(&format!("kind = 'pose'\nsigma = {text}"))
+                .unwrap()
+                .sigma
+        };
+        assert_eq!(sigma("'0.1 mm'"), [Some(1e-4), None]);
+        assert_eq!(sigma("1e-4"), [Some(1e-4), Some(1e-4)]);
+        assert_eq!(read("kind = 'pose'").unwrap().sigma, [None, None]);
     }
 
     #[test]

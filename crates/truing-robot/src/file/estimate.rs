@@ -245,7 +245,8 @@ fn at_least_one(item: &Item<'_>) -> Result<usize, InputError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::file::{CalibrationFile, Dimension};
+    use crate::file::CalibrationFile;
+    use crate::text::Dimension;
 
     fn read(estimate: &str) -> Result<EstimateSpec, InputError> {
         let text = format!(

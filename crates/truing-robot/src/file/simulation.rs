@@ -38,7 +38,7 @@ pub struct ErrorSpec {
 }
 
 /// A set of measurements to simulate.
-#[derive(Clone)]
+#[derive(Debug, Clone)]
 pub struct SimulationSpec {
     /// The name of the constraint.
     pub name: String,
@@ -69,7 +69,7 @@ pub struct SimulationSpec {
 }
 
 /// A simulation file.
-#[derive(Clone)]
+#[derive(Debug, Clone)]
 pub struct SimulationFile {
     /// The file and its text.
     pub source: Source,

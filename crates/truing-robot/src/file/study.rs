@@ -6,13 +6,13 @@ use std::path::Path;
 
 use super::estimate::EstimateSpec;
 use super::robots::{RobotRef, robots};
+use super::simulation::{ErrorSpec, SimulationSpec, constraint, errors};
 use crate::plugin::Registry;
 use crate::text::error::suggest;
 use crate::text::{Dimension, Document, InputError, Item, Section, Source, Spanned, Units};
-use super::simulation::{ErrorSpec, SimulationSpec, constraint, errors};
 
 /// What is measured in one part of a study.
-#[derive(Clone)]
+#[derive(Debug, Clone)]
 pub struct CaseSpec {
     /// The name, different from those of the others.
     pub name: String,
@@ -50,7 +50,7 @@ pub struct MethodSpec {
 }
 
 /// A study file.
-#[derive(Clone)]
+#[derive(Debug, Clone)]
 pub struct StudyFile {
     /// The file and its text.
     pub source: Source,

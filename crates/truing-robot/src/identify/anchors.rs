@@ -83,4 +83,3 @@ pub fn scale_anchors(
     }
     Ok(anchors)
 }
-

@@ -82,4 +82,3 @@ impl Choice {
         Some(into.iter().map(named).collect())
     }
 }
-

@@ -19,4 +19,3 @@ pub fn compressed(assembly: &Assembly, wanted: &[usize]) -> DMatrix<f64> {
     let n = wanted.len();
     DMatrix::from_fn(n, n, |i, k| if i <= k { t[(i, k)] } else { 0.0 })
 }
-

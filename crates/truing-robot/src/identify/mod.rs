@@ -11,9 +11,7 @@ mod select;
 mod symmetry;
 mod twin;
 
-pub use answer::{
-    DataAnswer, Gap, Identification, Identified, Indices, RankOf, Scaling, Step,
-};
+pub use answer::{DataAnswer, Gap, Identification, Identified, Indices, RankOf, Scaling, Step};
 pub use choice::{Choice, Status};
 pub use order::{default_preference, in_order};
 pub use question::Question;

@@ -1,9 +1,7 @@
 //! What can be identified: structure at configurations that satisfy the constraints exactly, and
 //! apart from it what data excite.
 
-use super::answer::{
-    DataAnswer, Gap, Identification, Identified, Indices, RankOf, Scaling, Step,
-};
+use super::answer::{DataAnswer, Gap, Identification, Identified, Indices, RankOf, Scaling, Step};
 use super::choice::{Choice, Status};
 use super::compressed::{STRUCTURE, compressed};
 use super::order::in_order;
@@ -105,14 +103,13 @@ impl Question {
         let measured = if has_data { &self.sets } else { &twin };
         let measurements = measured.iter().map(MeasurementSet::len).sum();
         let in_metres = in_metres(arms, measured, state, &self.derivatives, length)?;
-        let jacobian = columns.eliminated(&in_metres, &kept, |c| {
-            match &in_metres.columns[c].owner {
+        let jacobian =
+            columns.eliminated(&in_metres, &kept, |c| match &in_metres.columns[c].owner {
                 Owner::Parameter { robot, parameter } => {
                     unit_of(&arms[*robot].robot, *parameter, length)
                 }
                 _ => arc_of(&in_metres, state, c, length),
-            }
-        });
+            });
         let observability = Observability::of(&singular_values(&jacobian), measurements);
         let symmetries = symmetries(arms, &twin, state, &wanted)?;
         Ok(Identification {

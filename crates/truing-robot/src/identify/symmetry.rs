@@ -184,7 +184,10 @@ fn can_grow(
         })
         .collect();
     // The tool origin does not matter where only points on the tool are measured, which are estimated.
-    let mut on_robot = sets.iter().filter(|set| set.tool().robot == robot).peekable();
+    let mut on_robot = sets
+        .iter()
+        .filter(|set| set.tool().robot == robot)
+        .peekable();
     let points = on_robot.peek().is_some() && on_robot.all(|set| set.tool().target.is_some());
     let mut regressor = Regressor::default();
     let mut columns = vec![Vec::new(); own.len() + 6 + 3 + 1];

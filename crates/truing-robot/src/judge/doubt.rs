@@ -58,11 +58,7 @@ impl Job {
         }
         for (set, result) in self.sets.iter().zip(sets) {
             let far = result.registered.as_ref().is_some_and(|e| e.rms > 0.2);
-            if far
-                && set.frame.is_none()
-                && set.kind.has_frame()
-                && result.unit == "m"
-            {
+            if far && set.frame.is_none() && set.kind.has_frame() && result.unit == "m" {
                 warnings.push(format!(
                     "`{}` lies {:.2} m RMS from the registered nominal robot; if its readings are in a sensor's own frame, \
                      say so: frame = \"tracker\"",

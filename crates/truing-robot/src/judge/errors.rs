@@ -31,7 +31,10 @@ impl Job {
 
     /// Errors of one set in a state.
     fn errors(&self, set: &MeasurementSet, state: &State) -> Result<ErrorSummary, Error> {
-        Ok(ErrorSummary::of_residuals(set, &self.residuals(set, state)?))
+        Ok(ErrorSummary::of_residuals(
+            set,
+            &self.residuals(set, state)?,
+        ))
     }
 
     /// Errors of every measurement of a set, or of the rows held out of it.
@@ -56,11 +59,7 @@ impl Job {
     }
 
     /// Errors of a set that only validates: what it alone knows of is fitted to it, robots stay.
-    pub fn validate_set(
-        &self,
-        set: &MeasurementSet,
-        fitted: &Fitted,
-    ) -> Result<SetResult, Error> {
+    pub fn validate_set(&self, set: &MeasurementSet, fitted: &Fitted) -> Result<SetResult, Error> {
         let sets = &[set.plain()];
         let errors = |state: &State| -> Result<ErrorSummary, Error> {
             let begin = start(&self.arms, sets, state.robots.clone(), state);
@@ -93,7 +92,12 @@ impl Job {
             false => None,
         };
         let registered = errors(&fitted.registered)?;
-        Ok(result_of(set, before, registered, errors(&fitted.estimated)?))
+        Ok(result_of(
+            set,
+            before,
+            registered,
+            errors(&fitted.estimated)?,
+        ))
     }
 }
 

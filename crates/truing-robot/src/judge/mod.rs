@@ -9,11 +9,11 @@ mod statistics;
 mod tool;
 mod uncertainty;
 
+pub(crate) use errors::Fitted;
 pub use figures::{
     Correlated, ErrorSeries, ErrorSummary, GlobalTest, MeasurementStatistics, Outlier, SetResult,
     ToolUncertainty,
 };
+pub(crate) use statistics::Statistics;
 pub use tool::ToolPose;
 pub use uncertainty::Uncertainty;
-pub(crate) use errors::Fitted;
-pub(crate) use statistics::Statistics;

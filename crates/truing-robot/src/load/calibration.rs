@@ -174,7 +174,8 @@ impl Loader<'_> {
         let (values, changed) = data.values()?;
         if changed > 0 {
             let what = spec.kind.changed();
-            self.notes.push(format!("`{}`: {changed} {what}", spec.name));
+            self.notes
+                .push(format!("`{}`: {changed} {what}", spec.name));
         }
         let groups = data.groups()?;
         let second = self.second(spec, &data, robot, &mut taken)?;
@@ -286,7 +287,8 @@ impl Loader<'_> {
 
 /// A standard deviation that was given for the first measurand alone, in words.
 fn note_of_sigma(spec: &ConstraintSpec) -> Option<String> {
-    let ([Some(_), None, ..], [first, second, ..]) = (&spec.sigma[..], spec.kind.measurands()) else {
+    let ([Some(_), None, ..], [first, second, ..]) = (&spec.sigma[..], spec.kind.measurands())
+    else {
         return None;
     };
     let usual = match second.unit.symbol() {

@@ -99,7 +99,10 @@ pub fn estimate(
     Ok(Estimate {
         parameters: full(&spec.parameters)?,
         fixed: full(&spec.fixed)?,
-        bounds: bounds.into_iter().map(|(key, (l, u))| (name(key), l, u)).collect(),
+        bounds: bounds
+            .into_iter()
+            .map(|(key, (l, u))| (name(key), l, u))
+            .collect(),
         priors: priors.into_iter().map(|(key, s)| (name(key), s)).collect(),
         preference: full(&spec.preference)?,
         derivatives,

@@ -6,7 +6,7 @@ mod data;
 mod estimate;
 mod names;
 
-pub use calibration::{load, load_with};
 pub(crate) use arms::read_arms;
+pub use calibration::{load, load_with};
 pub(crate) use estimate::estimate;
 pub(crate) use names::{Names, in_unit_of};

@@ -2,14 +2,14 @@
 
 use super::at::At;
 use crate::error::Error;
-use crate::robot::posture::{self, Posed};
 use crate::robot::Regressor;
+use crate::robot::posture::{self, Posed};
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
+use truing::Variable;
 use truing::manifold::Pose;
 use truing::nalgebra::{DMatrix, DVector, Vector3};
-use truing::Variable;
 
 /// A row of a condition on tools: its value [m or rad], and its derivatives by the position and by the
 /// rotation of each tool (a turn by a small rotation vector about the reference axes).
@@ -163,12 +163,7 @@ impl Draw<'_> {
 }
 
 /// A start: anywhere between the limits, or (for odd tries) within half a radian of a near posture.
-fn start(
-    limits: &[[f64; 2]],
-    near: &[Vec<f64>],
-    attempt: usize,
-    rng: &mut ChaCha8Rng,
-) -> Vec<f64> {
+fn start(limits: &[[f64; 2]], near: &[Vec<f64>], attempt: usize, rng: &mut ChaCha8Rng) -> Vec<f64> {
     if attempt.is_multiple_of(2) || near.is_empty() {
         return posture::random(limits, rng);
     }

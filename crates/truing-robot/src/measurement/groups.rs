@@ -53,7 +53,9 @@ impl Groups {
     /// The rows of a group.
     pub fn rows(&self, group: usize) -> impl Iterator<Item = usize> + '_ {
         let of_row = self.of_row.iter().enumerate();
-        of_row.filter(move |(_, g)| **g == group).map(|(row, _)| row)
+        of_row
+            .filter(move |(_, g)| **g == group)
+            .map(|(row, _)| row)
     }
 }
 

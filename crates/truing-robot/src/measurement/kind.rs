@@ -93,7 +93,7 @@ pub enum Touched {
 }
 
 /// Where the unknowns of a simulated set truly are: drawn within reach, or given.
-#[derive(Clone)]
+#[derive(Debug, Clone)]
 pub struct Scene {
     /// The kind with the constants that its table gave; none for the kind as it is.
     pub kind: Option<Arc<dyn Kind>>,
@@ -102,7 +102,7 @@ pub struct Scene {
 }
 
 /// The groups of a simulated set.
-#[derive(Clone)]
+#[derive(Debug, Clone)]
 pub enum SceneGroups {
     /// So many, with unknowns drawn by [`Kind::place`].
     Drawn(usize),

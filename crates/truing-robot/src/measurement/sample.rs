@@ -1,10 +1,10 @@
 //! Drawing measurements: postures that satisfy their constraints exactly, or exactly but for noise.
 
-use crate::error::Error;
 use super::at::At;
 use super::draw::Draw;
 use super::groups::{Groups, Rows};
 use super::set::MeasurementSet;
+use crate::error::Error;
 use crate::robot::{Arm, posture};
 use crate::unknown::State;
 use rand_chacha::ChaCha8Rng;

@@ -6,5 +6,5 @@ mod column;
 mod errors;
 
 pub use assembly::{Assembly, is_given};
-pub use errors::{errors_of, residuals};
 pub use column::{Column, Owner};
+pub use errors::{errors_of, residuals};

@@ -7,30 +7,6 @@ use truing::manifold::Pose;
 use truing::nalgebra::{Matrix3, Vector3};
 use truing::{Dual, Scalar, autodiff, value};
 
-/// Which frame convention a robot's table is written in.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Convention {
-    /// Khalil–Kleinfinger (modified Denavit–Hartenberg), with an extra angle for near-parallel axes:
-    /// Rot(y, β) · Rot(x, α) · Trans(x, d) · Rot(z, θ) · Trans(z, r)
-    /// (Khalil & Kleinfinger 1986).
-    KhalilKleinfinger,
-    /// Distal Denavit–Hartenberg, with an extra angle for near-parallel axes:
-    /// Rot(z, θ) · Trans(z, d) · Trans(x, a) · Rot(x, α) · Rot(y, β)
-    /// (Denavit & Hartenberg 1955; β as in Hayati 1983).
-    DenavitHartenberg,
-}
-
-/// How a joint moves.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum JointKind {
-    /// Turns: the joint angle is K·q + θ.
-    Revolute,
-    /// Slides: the joint length is K·q + r (d in the distal convention).
-    Prismatic,
-    /// Does not move.
-    Fixed,
-}
-
 /// A frame transform as a function of its parameters and one joint value.
 pub(crate) trait FrameModel {
     /// base_from_frame of one frame, from its parameters in their order and the joint value.

@@ -5,9 +5,13 @@ use crate::text::quantity::Dimension;
 /// What the parameters of a frame mean.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Convention {
-    /// Khalil & Kleinfinger 1986: Rx(alpha) Tx(d) Rz(theta) Tz(r), with Ry(beta) first.
+    /// Khalil–Kleinfinger (modified Denavit–Hartenberg), with an extra angle for near-parallel axes:
+    /// Rot(y, β) · Rot(x, α) · Trans(x, d) · Rot(z, θ) · Trans(z, r)
+    /// (Khalil & Kleinfinger 1986).
     KhalilKleinfinger,
-    /// Distal Denavit–Hartenberg: Rz(theta) Tz(d) Tx(a) Rx(alpha), then Ry(beta).
+    /// Distal Denavit–Hartenberg, with an extra angle for near-parallel axes:
+    /// Rot(z, θ) · Trans(z, d) · Trans(x, a) · Rot(x, α) · Rot(y, β)
+    /// (Denavit & Hartenberg 1955; β as in Hayati 1983).
     DenavitHartenberg,
 }
 

@@ -14,8 +14,7 @@ mod table_text;
 
 pub use arm::Arm;
 pub use chain::{Chain, Derivatives};
-pub use frame::{Convention, JointKind};
-pub use frame_row::FrameRow;
+pub use frame_row::{Convention, FrameRow};
 pub use regressor::{DifferentiateChain, FrameWise, Regressor, Twist};
 pub use serial::{Frame, Joint, Parameter, ParameterKind, Robot, Unit};
-pub use table::{JointRow, RobotFile};
+pub use table::{JointKind, JointRow, RobotFile};

@@ -1,8 +1,8 @@
 //! Postures that satisfy a geometric condition exactly, found by damped Newton steps on the joints.
 
-use super::frame::JointKind;
 use super::regressor::{DifferentiateChain, FrameWise, Regressor};
 use super::serial::Robot;
+use super::table::JointKind;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use truing::nalgebra::{DMatrix, DVector, Vector3};

@@ -1,11 +1,11 @@
 //! Robots: frames, joints and their named parameters.
 
 use super::frame::{
-    Convention, DenavitHartenberg, FIXED, FrameModel, JointKind, KhalilKleinfinger,
-    KhalilKleinfingerBase, LocalFrame, PRISMATIC, REVOLUTE, differentiate,
+    DenavitHartenberg, FIXED, FrameModel, KhalilKleinfinger, KhalilKleinfingerBase, LocalFrame,
+    PRISMATIC, REVOLUTE, differentiate,
 };
-use super::frame_row::{self, FrameRow};
-use super::table::{self, JointRow, RobotFile};
+use super::frame_row::{Convention, FrameRow};
+use super::table::{JointKind, JointRow, RobotFile};
 use std::ops::Range;
 use truing::Scalar;
 use truing::manifold::Pose;
@@ -208,13 +208,9 @@ const PARALLEL: f64 = 0.02;
 impl Robot {
     /// The robot that a file describes.
     pub fn new(file: &RobotFile) -> Self {
-        let convention = match file.convention {
-            frame_row::Convention::KhalilKleinfinger => Convention::KhalilKleinfinger,
-            frame_row::Convention::DenavitHartenberg => Convention::DenavitHartenberg,
-        };
         let mut robot = Self {
             name: file.name.clone(),
-            convention,
+            convention: file.convention,
             frames: Vec::new(),
             joints: Vec::new(),
             parameters: Vec::new(),
@@ -231,11 +227,7 @@ impl Robot {
 
     fn push_frame(&mut self, number: usize, n: usize, row: &FrameRow, joint: Option<&JointRow>) {
         let kk = self.convention == Convention::KhalilKleinfinger;
-        let joint_kind = joint.map_or(JointKind::Fixed, |row| match row.kind {
-            table::JointKind::Revolute => JointKind::Revolute,
-            table::JointKind::Prismatic => JointKind::Prismatic,
-            table::JointKind::Fixed => JointKind::Fixed,
-        });
+        let joint_kind = joint.map_or(JointKind::Fixed, |row| row.kind);
         let base = kk && number == 0;
         let parallel = row.alpha.sin().abs() < PARALLEL && row.beta.sin().abs() < PARALLEL;
         let model = Model {

@@ -3,8 +3,8 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use crate::text::error::{InputError, Source, suggest};
 use super::frame_row::{Convention, FrameRow, Key, Part};
+use crate::text::error::{InputError, Source, suggest};
 use crate::text::item::Item;
 use crate::text::quantity::{Dimension, Units};
 use crate::text::section::{Document, Section};

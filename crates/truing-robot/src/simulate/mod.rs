@@ -3,6 +3,6 @@
 mod scenario;
 mod simulated;
 
+pub(crate) use scenario::{noise, template};
 pub use scenario::{perturbed, simulate};
 pub use simulated::Simulated;
-pub(crate) use scenario::{noise, template};

@@ -146,7 +146,10 @@ pub(crate) fn template(
         SceneGroups::Drawn(count) => {
             let mut all = Vec::new();
             for _ in 0..*count {
-                let Placed { kind: drawn, values } = start.place(&mut places);
+                let Placed {
+                    kind: drawn,
+                    values,
+                } = start.place(&mut places);
                 kind = drawn.unwrap_or(kind);
                 all.push(values);
             }
@@ -169,7 +172,10 @@ pub(crate) fn template(
         of_row: Vec::new(),
     };
     set.readings.frame = spec.frame.as_ref().map(|f| f.value.clone());
-    let other = spec.robots.as_ref().map(|names| number(Some(names[1].value.as_str())));
+    let other = spec
+        .robots
+        .as_ref()
+        .map(|names| number(Some(names[1].value.as_str())));
     if let (Some(second), Some(other)) = (set.readings.tools.get_mut(1), other) {
         second.robot = other;
     }

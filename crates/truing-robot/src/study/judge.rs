@@ -1,7 +1,7 @@
 //! Whether an estimate is the true robot, up to what its measurements cannot see.
 
-use super::draw::Drawn;
 use super::cases::{Case, Study};
+use super::draw::Drawn;
 use crate::error::Error;
 use crate::estimate::Estimated;
 use crate::identify::Choice;
@@ -98,10 +98,12 @@ pub(super) fn bodies(robots: usize, sets: &[MeasurementSet]) -> Vec<Body> {
             }
         }
     }
-    let seen = |set: &&MeasurementSet| {
-        set.kind.has_frame() && set.frame.is_none()
-    };
-    let pinned: BTreeSet<usize> = sets.iter().filter(seen).map(|set| of[set.tool().robot]).collect();
+    let seen = |set: &&MeasurementSet| set.kind.has_frame() && set.frame.is_none();
+    let pinned: BTreeSet<usize> = sets
+        .iter()
+        .filter(seen)
+        .map(|set| of[set.tool().robot])
+        .collect();
     let each = (0..robots).map(|body| Body {
         robots: (0..robots).filter(|r| of[*r] == body).collect(),
         pinned: pinned.contains(&body),

@@ -1,7 +1,7 @@
 //! Errors scaled to a mean initial tool error.
 
-use super::draw::{self, Stream};
 use super::cases::{Case, Study};
+use super::draw::{self, Stream};
 use crate::error::Error;
 use crate::text::Spanned;
 

@@ -6,15 +6,15 @@
 //! threads. The cases of a study share their streams: they see the same robots and planes wherever
 //! they draw the same things.
 
+mod cases;
 mod draw;
 mod judge;
 mod level;
 mod plan;
 mod run;
-mod cases;
 mod summary;
 
+pub use cases::Study;
 pub use judge::{Symmetry, tool_error};
 pub use plan::load_study;
-pub use cases::Study;
 pub use summary::{Counts, StudyResult, StudyRow};

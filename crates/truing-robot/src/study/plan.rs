@@ -1,7 +1,7 @@
 //! From a study file to a study that can run: robots read, names understood, an example tried.
 
-use super::draw::{self, Drawn, Purpose, Stream};
 use super::cases::{Case, Forms, Method, Study};
+use super::draw::{self, Drawn, Purpose, Stream};
 use crate::error::Error;
 use crate::estimate::{Calibration, Estimated, Registration};
 use crate::file::{CaseSpec, MethodSpec, StartKind, StudyFile};
@@ -100,11 +100,7 @@ fn check_method(
 }
 
 /// The forms of a case's sets, if the method is for all of them.
-fn forms(
-    method: Option<&Spanned<String>>,
-    case: &CaseSpec,
-    registry: &Registry,
-) -> Option<Forms> {
+fn forms(method: Option<&Spanned<String>>, case: &CaseSpec, registry: &Registry) -> Option<Forms> {
     let form = |kind: &dyn Kind| match method {
         None => Some(None),
         Some(method) => registry
@@ -120,12 +116,7 @@ fn forms(
 
 impl Study {
     /// Understands a case: tries its methods on the nominal robot, which shows what is estimated.
-    fn case(
-        &self,
-        spec: &CaseSpec,
-        file: &StudyFile,
-        registry: &Registry,
-    ) -> Result<Case, Error> {
+    fn case(&self, spec: &CaseSpec, file: &StudyFile, registry: &Registry) -> Result<Case, Error> {
         let nowhere: Vec<Vec<bool>> = self
             .arms
             .iter()

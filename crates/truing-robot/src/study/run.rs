@@ -1,9 +1,9 @@
 //! Running a study: trials in parallel, put together in order.
 
+use super::cases::Study;
 use super::draw::{self, Purpose, Stream};
 use super::judge::judge;
 use super::level::{Scaled, scale};
-use super::cases::Study;
 use super::summary::{Outcome, StudyResult, Trial};
 use crate::error::Error;
 use rayon::prelude::*;

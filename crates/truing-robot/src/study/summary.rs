@@ -1,7 +1,7 @@
 //! The table of a study: a row a case, tool error and method.
 
-use super::level::Scaled;
 use super::cases::Study;
+use super::level::Scaled;
 use serde::Serialize;
 use std::collections::BTreeMap;
 

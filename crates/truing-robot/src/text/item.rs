@@ -258,7 +258,7 @@ impl<'a> Item<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::text::section::Document;
+    use crate::text::section::{Document, Section};
 
     fn with_root<T>(text: &str, read: impl FnOnce(Section<'_>) -> T) -> T {
         let source = Source::new(text, "x.toml");

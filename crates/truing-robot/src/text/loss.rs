@@ -70,7 +70,10 @@ fn parse(text: &str, more: &[NamedLoss]) -> Result<Loss, ValueError> {
     }
     let efficient = Loss::EFFICIENT.into_iter().find(|loss| loss.name() == name);
     if efficient.is_none() && name != "barron" {
-        let names: Vec<&str> = NAMES.into_iter().chain(more.iter().map(|l| l.name)).collect();
+        let names: Vec<&str> = NAMES
+            .into_iter()
+            .chain(more.iter().map(|l| l.name))
+            .collect();
         return Err(found(text, &one_of(&names)).with_help(suggest(name, &names)));
     }
     let Some(rest) = rest else {

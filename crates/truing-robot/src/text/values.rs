@@ -92,7 +92,10 @@ impl Item<'_> {
                 .with_help("the order is x, y, z, qw, qx, qy, qz"));
         }
         let position = Vector3::new(x, y, z);
-        Ok(Pose::from_quaternion(position, quaternion.map(|q| q / norm)))
+        Ok(Pose::from_quaternion(
+            position,
+            quaternion.map(|q| q / norm),
+        ))
     }
 
     /// `{ normal = [0, 0, 1], distance = 0.4 }` or `{ a = 0.3, b = -0.5, c = -1.1 }`, the coefficients of

@@ -171,7 +171,10 @@ where
 {
     match value.downcast_ref() {
         Some(value) => value,
-        None => panic!("a value of another type than {}", std::any::type_name::<V>()),
+        None => panic!(
+            "a value of another type than {}",
+            std::any::type_name::<V>()
+        ),
     }
 }
 

@@ -228,7 +228,10 @@ impl Kind for Distances {
                     q_a: on.q(0, row),
                     q_b: on.q(1, row),
                 };
-                ((tool.robot, tool.point(), on.unknown("distance", row)), distance)
+                (
+                    (tool.robot, tool.point(), on.unknown("distance", row)),
+                    distance,
+                )
             });
         }
         on.add(|on, row| {
@@ -239,7 +242,13 @@ impl Kind for Distances {
                 q_a: on.q(0, row),
                 q_b: on.q(1, row),
             };
-            let vars = (a.robot, a.point(), b.robot, b.point(), on.unknown("distance", row));
+            let vars = (
+                a.robot,
+                a.point(),
+                b.robot,
+                b.point(),
+                on.unknown("distance", row),
+            );
             (vars, distance)
         })
     }

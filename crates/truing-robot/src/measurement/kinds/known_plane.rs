@@ -100,11 +100,7 @@ impl Default for KnownPlaneTouches {
 }
 
 /// Touches of a known plane (unit normal) by the tool of robot number 0.
-pub fn known_plane(
-    name: impl Into<String>,
-    q: Vec<Vec<f64>>,
-    plane: Plane<f64>,
-) -> MeasurementSet {
+pub fn known_plane(name: impl Into<String>, q: Vec<Vec<f64>>, plane: Plane<f64>) -> MeasurementSet {
     let kind = KnownPlaneTouches {
         plane,
         drawn_at: None,

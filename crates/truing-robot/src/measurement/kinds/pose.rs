@@ -91,11 +91,7 @@ impl Constraint for MeasuredPose {
 pub struct Poses;
 
 /// Measured poses of the tool of robot number 0.
-pub fn pose(
-    name: impl Into<String>,
-    q: Vec<Vec<f64>>,
-    poses: &[Pose<f64>],
-) -> MeasurementSet {
+pub fn pose(name: impl Into<String>, q: Vec<Vec<f64>>, poses: &[Pose<f64>]) -> MeasurementSet {
     let mut values = Rows::new(7);
     poses.iter().for_each(|pose| values.push(&numbers(pose)));
     MeasurementSet::new(name, Poses, q, values)

@@ -91,7 +91,13 @@ impl Kind for Positions {
     }
 
     fn columns(&self) -> &'static [DataColumn] {
-        const { &[DataColumn::length("x"), DataColumn::length("y"), DataColumn::length("z")] }
+        const {
+            &[
+                DataColumn::length("x"),
+                DataColumn::length("y"),
+                DataColumn::length("z"),
+            ]
+        }
     }
 
     fn has_frame(&self) -> bool {

@@ -76,7 +76,10 @@ impl Kind for LocationVisits {
                 q: on.q(0, row),
                 measured: Pose::identity(),
             };
-            ((tool.robot, on.unknown("location", row), tool.point()), visit)
+            (
+                (tool.robot, on.unknown("location", row), tool.point()),
+                visit,
+            )
         })
     }
 

@@ -389,7 +389,7 @@ fn the_user_decides_which_of_several_is_estimated() {
 
     // A calibration asks the same way.
     let mut calibration = positions.calibration(false);
-    calibration.estimate.preference = vec![number("r3")];
+    calibration.estimate.preference = vec!["r3".into()];
     let result = calibration.run(&|_| {}).unwrap().result;
     let status = |name: &str| {
         let found = result.parameters.iter().find(|p| p.name == name);

@@ -64,7 +64,8 @@ pub fn run(out: &mut dyn Write) -> Result<Offsets, Box<dyn Error>> {
     let robot = &chain.robot;
 
     // 2. The true robot: every joint offset is wrong by up to a degree, as after an exchange of motors.
-    let offsets: Vec<usize> = robot.joints().iter().map(|j| j.offset_parameter).collect();
+    let joints = robot.joints().iter();
+    let offsets: Vec<usize> = joints.filter_map(|j| j.offset_parameter).collect();
     let mut truth = robot.nominal();
     for (k, parameter) in offsets.iter().enumerate() {
         truth[*parameter] += [8e-3, -15e-3, 12e-3, -6e-3, 14e-3, -9e-3][k];

@@ -102,12 +102,13 @@ fn elementary(convention: Convention, row: &FrameRow) -> Matrix4<f64> {
     let (x, z) = match convention {
         Convention::KhalilKleinfinger => (row.d, row.r),
         Convention::DenavitHartenberg => (row.a, row.d),
+        Convention::General => unreachable!("tests/joint_models.rs has those"),
     };
     let about_x = rotate(X, row.alpha) * translate(x, 0.0, 0.0);
     let about_z = rotate(Z, row.theta) * translate(0.0, 0.0, z);
     match convention {
         Convention::KhalilKleinfinger => rotate(Y, row.beta) * about_x * about_z,
-        Convention::DenavitHartenberg => about_z * about_x * rotate(Y, row.beta),
+        _ => about_z * about_x * rotate(Y, row.beta),
     }
 }
 
@@ -117,11 +118,11 @@ fn product(file: &RobotFile, q: &[f64]) -> Matrix4<f64> {
     let mut pose = elementary(file.convention, &file.base);
     for joint in &file.joints {
         let mut row = joint.frame;
-        let mut moved = || joint.gain * q.next().unwrap();
+        let mut moved = || joint.gain.unwrap() * q.next().unwrap();
         match (joint.kind, file.convention) {
             (JointKind::Revolute, _) => row.theta += moved(),
             (JointKind::Prismatic, Convention::KhalilKleinfinger) => row.r += moved(),
-            (JointKind::Prismatic, Convention::DenavitHartenberg) => row.d += moved(),
+            (JointKind::Prismatic, _) => row.d += moved(),
             (JointKind::Fixed, _) => {}
         }
         pose *= elementary(file.convention, &row);
@@ -147,15 +148,15 @@ fn random_file(random: &mut ChaCha8Rng, convention: Convention, kinds: &[JointKi
                 theta,
                 r: z,
                 beta,
-                a: 0.0,
+                ..FrameRow::default()
             },
-            Convention::DenavitHartenberg => FrameRow {
+            _ => FrameRow {
                 alpha,
                 a: x,
                 theta,
                 d: z,
                 beta,
-                r: 0.0,
+                ..FrameRow::default()
             },
         }
     };
@@ -166,26 +167,17 @@ fn random_file(random: &mut ChaCha8Rng, convention: Convention, kinds: &[JointKi
         .iter()
         .zip(frames)
         .enumerate()
-        .map(|(j, (kind, frame))| JointRow {
-            name: format!("q{}", j + 1),
-            kind: *kind,
-            frame,
-            gain: if *kind == JointKind::Fixed {
-                1.0
-            } else {
-                random.random_range(0.5..1.5)
-            },
-            limits: None,
-            value: None,
+        .map(|(j, (kind, frame))| {
+            let mut joint = JointRow::new(format!("q{}", j + 1), *kind, frame);
+            joint.gain = joint.gain.map(|_| random.random_range(0.5..1.5));
+            joint
         });
     let joints = joints.collect();
     RobotFile {
-        path: "random.toml".into(),
-        name: "random".into(),
-        convention,
         base,
         joints,
         tool,
+        ..RobotFile::new("random", convention)
     }
 }
 
@@ -494,7 +486,7 @@ fn analytic(robot: &Robot, file: &RobotFile, q: &[f64]) -> Vec<(String, Vector6<
             .filter(|j| j.kind != JointKind::Fixed)
             .map(|_| *joint_values.next().unwrap());
         let slides = joint.is_some_and(|joint| joint.kind == JointKind::Prismatic);
-        let moved = joint.map_or(1.0, |joint| joint.gain) * value.unwrap_or(0.0);
+        let moved = joint.and_then(|joint| joint.gain).unwrap_or(1.0) * value.unwrap_or(0.0);
         match (slides, kk) {
             (false, _) => row.theta += moved,
             (true, true) => row.r += moved,
@@ -605,7 +597,8 @@ fn a_moving_joint_moves_a_tool_point_at_its_joint_velocity() {
                 robot.forward(&parameters, &q).apply(&target)
             };
             let difference = (at(h) - at(-h)) / (2.0 * h);
-            let found = regressor.joint_velocity(&robot, &parameters, joint, &tip);
+            let slopes = robot.slopes(&parameters, &q);
+            let found = regressor.joint_velocity(&robot, &slopes, joint, &tip);
             assert!(
                 (found - difference).norm() < tolerance,
                 "joint {joint}: {found} against {difference}"

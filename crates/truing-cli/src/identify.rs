@@ -103,7 +103,7 @@ fn calibration(arguments: &Identify, registry: &Registry) -> Result<Identificati
 }
 
 fn robot(arguments: &Identify, registry: &Registry) -> Result<Identification, Failure> {
-    let robot = Robot::new(&RobotFile::read(&arguments.file)?);
+    let robot = Robot::new(&RobotFile::read_with(&arguments.file, registry.models())?);
     let mut question = RobotQuestion::new(robot, asked(arguments, registry)?);
     question.parameters.clone_from(&arguments.parameters);
     question.fixed.clone_from(&arguments.fixed);

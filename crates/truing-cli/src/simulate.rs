@@ -5,14 +5,14 @@ use crate::failure::{Failure, Files};
 use crate::{Ending, Streams, output};
 use std::path::PathBuf;
 use truing_robot::file::SimulationFile;
-use truing_robot::simulate::{Simulated, simulate};
+use truing_robot::simulate::{Simulated, simulate_with};
 use truing_robot::unknown::{Key, Shape};
 
 /// Runs a simulation file.
 pub fn run(arguments: &Simulate, streams: &Streams) -> Result<Ending, Failure> {
     output::check(&arguments.output, arguments.force)?;
     let file = SimulationFile::read_with(&arguments.file, &streams.registry)?;
-    let simulated = simulate(&file, arguments.seed)?;
+    let simulated = simulate_with(&file, arguments.seed, &streams.registry)?;
     let seed = arguments.seed.unwrap_or(file.seed);
     let robots = simulated.true_robots();
     let named = |stem: &str, name: &str| {

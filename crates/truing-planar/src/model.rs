@@ -4,7 +4,7 @@ use truing::manifold::Pose;
 use truing::nalgebra::Vector3;
 use truing_robot::Robot;
 use truing_robot::robot::{
-    Convention, DifferentiateChain, JointKind, ParameterKind, Regressor, Twist,
+    Convention, DifferentiateChain, FrameWise, JointKind, ParameterKind, Regressor, Twist,
 };
 
 /// The columns of the 6 × Np Jacobian of equation (2), in closed form.
@@ -19,6 +19,7 @@ use truing_robot::robot::{
 /// | θⱼ | zⱼ × (P − Oⱼ) | zⱼ |
 /// | βⱼ | yⱼ₋₁ × (P − Oⱼ₋₁) | yⱼ₋₁ |
 /// | Kⱼ | qⱼ · column of θⱼ, or of rⱼ if joint j slides | likewise |
+/// | other parameters of the joint | the slope of its displacement · the same column | likewise |
 ///
 /// Each is the velocity of a turn about an axis or of a shift along it, and is written as a spatial
 /// twist, so every tool point is a cross product away. The distal convention has the same columns
@@ -30,29 +31,29 @@ pub struct GeneralisedModel;
 
 impl DifferentiateChain for GeneralisedModel {
     fn regressor(&self, robot: &Robot, parameters: &[f64], q: &[f64], out: &mut Regressor) {
+        if !is_by_table(robot) {
+            // Frames that no table of the paper has are differentiated by themselves.
+            return FrameWise.regressor(robot, parameters, q, out);
+        }
         out.twists
             .resize(robot.parameters().len(), Twist::default());
-        let distal = robot.convention() == Convention::DenavitHartenberg;
+        out.motions.clear();
+        let row = robot.complete(q);
         let mut parent = Pose::<f64>::identity();
         for frame in robot.frames() {
-            let range = frame.parameters.clone();
-            let value = frame.joint.map_or(0.0, |j| q[j]);
-            let local = frame.transform(&parameters[range.clone()], value);
+            let range = frame.own_parameters();
+            let displacement = frame.displacement(parameters, &row);
+            let local = frame.transform(&parameters[range.clone()], displacement);
             let pose = parent.compose(&local);
             let kinds = robot.parameters()[range.clone()].iter().map(|p| p.kind);
             let of = |kind: ParameterKind| {
                 let mut values = kinds.clone().zip(&parameters[range.clone()]);
                 values.find(|(k, _)| *k == kind).map_or(0.0, |(_, v)| *v)
             };
-            let slides = frame
-                .joint
-                .is_some_and(|j| robot.joints()[j].kind == JointKind::Prismatic);
-            let axes = if distal {
-                let turned = if slides {
-                    0.0
-                } else {
-                    of(ParameterKind::Gain) * value
-                };
+            let slides =
+                (frame.motion.as_ref()).is_some_and(|motion| motion.kind == JointKind::Prismatic);
+            let axes = if frame.convention() == Some(Convention::DenavitHartenberg) {
+                let turned = if slides { 0.0 } else { displacement };
                 Axes::distal(&parent, &pose, of(ParameterKind::Theta) + turned)
             } else {
                 Axes::modified(&parent, &pose, of(ParameterKind::Beta))
@@ -61,17 +62,31 @@ impl DifferentiateChain for GeneralisedModel {
                 out.twists[k] = match robot.parameters()[k].kind {
                     ParameterKind::Alpha => axes.x.turn(),
                     ParameterKind::LengthX => axes.x.shift(),
-                    ParameterKind::Theta => axes.z.turn(),
                     ParameterKind::LengthZ => axes.z.shift(),
                     ParameterKind::Beta => axes.y.turn(),
-                    ParameterKind::Gain if slides => times(axes.z.shift(), value),
-                    ParameterKind::Gain => times(axes.z.turn(), value),
+                    _ => axes.z.turn(),
                 };
+            }
+            if let Some(motion) = &frame.motion {
+                let moved = if slides {
+                    axes.z.shift()
+                } else {
+                    axes.z.turn()
+                };
+                let twists = &mut out.twists;
+                motion.by_parameters(parameters, &row, |k, slope| twists[k] = moved.times(slope));
+                out.motions.push(moved);
             }
             parent = pose;
         }
         out.tool = parent;
     }
+}
+
+/// Whether all frames are of a Denavit–Hartenberg table, by whichever convention.
+fn is_by_table(robot: &Robot) -> bool {
+    let mut frames = robot.frames().iter();
+    frames.all(|frame| !matches!(frame.convention(), None | Some(Convention::General)))
 }
 
 /// An axis in space.
@@ -95,14 +110,6 @@ impl Axis {
             angular: Vector3::zeros(),
             linear: self.direction,
         }
-    }
-}
-
-/// The twist of `factor` units.
-fn times(twist: Twist, factor: f64) -> Twist {
-    Twist {
-        angular: twist.angular * factor,
-        linear: twist.linear * factor,
     }
 }
 

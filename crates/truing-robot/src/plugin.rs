@@ -2,7 +2,7 @@
 
 use crate::measurement::kinds;
 use crate::measurement::{Kind, Method};
-use crate::robot::DifferentiateChain;
+use crate::robot::{DifferentiateChain, Models, NamedFrameModel, NamedJointModel};
 use crate::text::loss::NamedLoss;
 use std::sync::Arc;
 
@@ -17,6 +17,16 @@ pub trait Plugin: Send + Sync {
 
     /// Other equations for kinds of measurement: `method = "…"`.
     fn methods(&self) -> Vec<Arc<dyn Method>> {
+        Vec::new()
+    }
+
+    /// Models of joints in robot files: `model = ["gain", "…"]`.
+    fn joint_models(&self) -> Vec<NamedJointModel> {
+        Vec::new()
+    }
+
+    /// Models of frames in robot files: `convention = "…"` in the table of a joint.
+    fn frame_models(&self) -> Vec<NamedFrameModel> {
         Vec::new()
     }
 
@@ -38,6 +48,7 @@ pub struct Registry {
     methods: Vec<Arc<dyn Method>>,
     analytic: Option<Arc<dyn DifferentiateChain>>,
     losses: Vec<NamedLoss>,
+    models: Models,
 }
 
 impl Default for Registry {
@@ -48,6 +59,7 @@ impl Default for Registry {
             methods: Vec::new(),
             analytic: None,
             losses: Vec::new(),
+            models: Models::default(),
         }
     }
 }
@@ -61,6 +73,8 @@ impl Registry {
             registry.methods.extend(plugin.methods());
             registry.analytic = registry.analytic.or_else(|| plugin.analytic());
             registry.losses.extend(plugin.losses());
+            registry.models.joints.extend(plugin.joint_models());
+            registry.models.frames.extend(plugin.frame_models());
         }
         registry
     }
@@ -89,6 +103,11 @@ impl Registry {
     /// Closed-form columns of the regressor, if a plugin has them.
     pub fn analytic(&self) -> Option<&Arc<dyn DifferentiateChain>> {
         self.analytic.as_ref()
+    }
+
+    /// Models of joints and frames.
+    pub fn models(&self) -> &Models {
+        &self.models
     }
 
     /// Losses beside the framework's own.

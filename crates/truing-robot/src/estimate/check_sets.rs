@@ -69,7 +69,8 @@ fn check(arms: &[Arm], set: &mut MeasurementSet, notes: &mut Vec<String>) -> Res
         return Err(wrong(set, None, &found, "give the set as many tools"));
     }
     let rows = set.len();
-    for tool in &set.tools {
+    for k in 0..set.tools.len() {
+        let tool = &set.tools[k];
         let Some(arm) = arms.get(tool.robot) else {
             let found = format!("is of robot number {}, of {}", tool.robot, arms.len());
             let help = "robots are numbered from 0, in the order of the calibration";
@@ -82,18 +83,26 @@ fn check(arms: &[Arm], set: &mut MeasurementSet, notes: &mut Vec<String>) -> Res
             );
             return Err(wrong(set, None, &found, "give one of each a measurement"));
         }
-        let joints = arm.robot.joints().len();
+        let robot = &arm.robot;
+        let (joints, columns) = (robot.joints().len(), robot.columns().len());
         for (row, q) in tool.q.iter().enumerate() {
-            if q.len() != joints {
+            let complete = robot.complete(&vec![0.0; robot.given()]).len();
+            if q.len() != joints + columns && q.len() != complete {
+                let further = match columns {
+                    0 => String::new(),
+                    n => format!(" and {n} further columns"),
+                };
                 let found = format!(
-                    "found {} joint values for the {joints} joints of {}",
+                    "found {} joint values for the {joints} joints{further} of {}",
                     q.len(),
                     arm.title()
                 );
-                return Err(wrong(set, Some(row), &found, "give one number a joint"));
+                return Err(wrong(set, Some(row), &found, "give one number for each"));
             }
             if let Some(joint) = q.iter().position(|q| !q.is_finite()) {
-                let name = &arm.robot.joints()[joint].name;
+                let readings = robot.joints().iter().map(|joint| &joint.name);
+                let names = readings.chain(robot.columns().iter().map(|column| &column.name));
+                let name = names.map(String::as_str).nth(joint).unwrap_or("derived");
                 let found = format!("the value of joint `{name}` is {}", q[joint]);
                 return Err(wrong(
                     set,
@@ -103,6 +112,9 @@ fn check(arms: &[Arm], set: &mut MeasurementSet, notes: &mut Vec<String>) -> Res
                 ));
             }
         }
+        let complete = |q: &Vec<f64>| robot.complete(q).into_owned();
+        let completed: Vec<Vec<f64>> = tool.q.iter().map(complete).collect();
+        set.readings.tools[k].q = completed;
     }
     let counts = [
         (

@@ -305,8 +305,11 @@ impl Search<'_> {
         let nominal = self.assembly.state(self.assembly.problem.initial());
         let mut robots = nominal.robots.clone();
         for (robot, parameter, worth) in &self.estimated {
-            let length =
-                calibration.arms[*robot].robot.parameters()[*parameter].unit() == Unit::Meter;
+            let unit = calibration.arms[*robot].robot.parameters()[*parameter].unit();
+            if matches!(unit, Unit::Other(_)) {
+                continue;
+            }
+            let length = unit == Unit::Meter;
             let spread = if length { SPREAD_OF_LENGTHS } else { SPREAD };
             robots[*robot][*parameter] += spread * worth * rng.random_range(-1.0..1.0);
         }

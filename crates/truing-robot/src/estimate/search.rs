@@ -112,7 +112,11 @@ pub fn slope(arms: &[Arm], assembly: &Assembly, x: &Values) -> f64 {
     let mut squares = 0.0;
     for (r, arm) in arms.iter().enumerate() {
         for joint in arm.robot.joints() {
-            let column = assembly.robot(r).column() + joint.offset_parameter;
+            // A frame from outside has no parameter that does what its joint does.
+            let Some(offset) = joint.offset_parameter else {
+                continue;
+            };
+            let column = assembly.robot(r).column() + offset;
             squares += lin.column_norm(column).powi(2);
         }
     }

@@ -3,7 +3,8 @@
 use crate::measurement::{MeasurementSet, Touched};
 use crate::model::Assembly;
 use crate::robot::{
-    Arm, Convention, DifferentiateChain, FrameWise, JointKind, ParameterKind, Regressor, Robot,
+    Arm, Convention, DifferentiateChain, FrameWise, JointKind, Motion, ParameterKind, Regressor,
+    Robot, Twist,
 };
 use truing::manifold::{Plane, Plane3, Point3, Vector};
 use truing::nalgebra::{Matrix3x2, Vector3};
@@ -27,8 +28,10 @@ pub struct Touches<'a> {
     target: Option<Var<Point3>>,
     /// First row of the residual.
     first: usize,
-    /// Unit of each joint: one, or a length where it slides.
+    /// Unit of each moving frame's joint: one, or a length where it slides.
     units: Vec<f64>,
+    /// Place of each moving frame's joint in the chain.
+    places: Vec<usize>,
     /// Place of each parameter in the chain: what is nearer to the base moves what is nearer to the tool.
     order: Vec<usize>,
     /// h̄ \[m/rad\].
@@ -85,7 +88,10 @@ impl<'a> Touches<'a> {
                     .as_ref()
                     .and_then(|name| assembly.target(tool.robot, name)?.typed()),
                 first: assembly.problem.block_rows(k).start,
-                units: robot.joints().iter().map(|j| unit(j.kind)).collect(),
+                units: motions(robot).map(|(_, m)| unit(m.kind)).collect(),
+                places: motions(robot)
+                    .map(|(frame, _)| place_of_joint(robot, frame))
+                    .collect(),
                 order: (0..robot.parameters().len())
                     .map(|p| place(robot, p))
                     .collect(),
@@ -117,10 +123,8 @@ impl<'a> Touches<'a> {
         let target = self.target.map_or_else(Vector3::zeros, |var| x.get(var));
         let tip = regressor.tool.apply(&target);
         let normal = self.plane(row, x).normal;
-        let joints = self.robot.joints().iter().zip(&self.units);
-        let slope = |(joint, unit): (&crate::robot::Joint, &f64)| {
-            (unit * normal.dot(&regressor.twists[joint.offset_parameter].at(&tip))).powi(2)
-        };
+        let joints = regressor.motions.iter().zip(&self.units);
+        let slope = |(motion, unit): (&Twist, &f64)| (unit * normal.dot(&motion.at(&tip))).powi(2);
         (tip, joints.map(slope).sum())
     }
 
@@ -161,17 +165,11 @@ impl<'a> Touches<'a> {
             let r = lin.residual[at];
             let normal = self.plane(row, x).normal;
             joints.clear();
-            joints.extend(
-                self.robot
-                    .joints()
-                    .iter()
-                    .zip(&self.units)
-                    .map(|(joint, unit)| {
-                        let k = joint.offset_parameter;
-                        let u = regressor.twists[k].at(&tip);
-                        (normal * (unit * unit * normal.dot(&u)), u, k)
-                    }),
-            );
+            let motions = regressor.motions.iter().zip(&self.units).enumerate();
+            joints.extend(motions.map(|(k, (motion, unit))| {
+                let u = motion.at(&tip);
+                (normal * (unit * unit * normal.dot(&u)), u, k)
+            }));
             let bend = r * factor / (length * length);
             let mut put = |column: usize, half: f64| {
                 let value = &mut lin.values[entry(column, at)];
@@ -182,10 +180,10 @@ impl<'a> Touches<'a> {
                 let half: f64 = joints
                     .iter()
                     .map(|(weight, own, k)| {
-                        weight.dot(&if self.order[b] < self.order[*k] {
+                        weight.dot(&if self.order[b] < self.places[*k] {
                             twist.angular.cross(own)
                         } else {
-                            regressor.twists[*k].angular.cross(&u)
+                            regressor.motions[*k].angular.cross(&u)
                         })
                     })
                     .sum();
@@ -195,7 +193,7 @@ impl<'a> Touches<'a> {
                 for c in 0..3 {
                     let axis = regressor.tool.rotation.column(c);
                     let half = |(weight, _, k): &(Vector3<f64>, Vector3<f64>, usize)| {
-                        weight.dot(&regressor.twists[*k].angular.cross(&axis))
+                        weight.dot(&regressor.motions[*k].angular.cross(&axis))
                     };
                     put(target.column() + c, joints.iter().map(half).sum());
                 }
@@ -229,20 +227,43 @@ fn normal_by_tangent(stored: &[f64]) -> Matrix3x2<f64> {
     jacobian.fixed_columns::<2>(0).into_owned()
 }
 
+/// The moving frames, with their numbers.
+fn motions(robot: &Robot) -> impl Iterator<Item = (usize, &Motion)> {
+    let frames = robot.frames().iter().enumerate();
+    frames.filter_map(|(k, frame)| Some((k, frame.motion.as_ref()?)))
+}
+
+/// Places of a frame's motions in the chain, from the base on: so many a frame.
+const PLACES: usize = 8;
+
+/// Place of the motion of a frame's joint: about or along the axis of θ and r, which commute; last in a frame that
+/// is not of a table.
+fn place_of_joint(robot: &Robot, frame: usize) -> usize {
+    let within = match robot.frames()[frame].convention() {
+        Some(Convention::KhalilKleinfinger) => 3,
+        Some(Convention::DenavitHartenberg) => 0,
+        Some(Convention::General) | None => PLACES - 1,
+    };
+    frame * PLACES + within
+}
+
 /// Place of a parameter's motion in the chain, from the base on.
 fn place(robot: &Robot, parameter: usize) -> usize {
     let p = &robot.parameters()[parameter];
-    let modified = robot.convention() == Convention::KhalilKleinfinger;
+    let modified = robot.frames()[p.frame].convention() == Some(Convention::KhalilKleinfinger);
     let within = match (p.kind, modified) {
         (ParameterKind::Beta, true) => 0,
         (ParameterKind::Alpha, true) => 1,
         (ParameterKind::LengthX, true) => 2,
-        // A joint moves about or along the axis of its frame's θ and r, which commute.
-        (ParameterKind::Theta | ParameterKind::LengthZ | ParameterKind::Gain, true) => 3,
-        (ParameterKind::Theta | ParameterKind::LengthZ | ParameterKind::Gain, false) => 0,
+        (ParameterKind::Theta | ParameterKind::LengthZ, true) => 3,
+        (ParameterKind::Theta | ParameterKind::LengthZ, false) => 0,
         (ParameterKind::LengthX, false) => 1,
         (ParameterKind::Alpha, false) => 2,
         (ParameterKind::Beta, false) => 3,
+        // Shifts first, then the turns from the outermost on.
+        (ParameterKind::Small(k), _) => usize::from(if k < 3 { 0 } else { 6 - k }),
+        (ParameterKind::Gain | ParameterKind::Model, _) => return place_of_joint(robot, p.frame),
+        (ParameterKind::Custom, _) => 0,
     };
-    p.frame * 4 + within
+    p.frame * PLACES + within
 }

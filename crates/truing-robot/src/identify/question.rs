@@ -11,7 +11,7 @@ use super::twin::{LEAST, POSTURES, SEED, structural_twin};
 use crate::error::Error;
 use crate::measurement::{MeasurementSet, Rows};
 use crate::model::{Assembly, Owner};
-use crate::robot::{Arm, Derivatives, ParameterKind, Robot, Unit, posture};
+use crate::robot::{Arm, Derivatives, JointKind, ParameterKind, Robot, Unit, posture};
 use crate::unknown::{Key, State};
 use truing::identifiability::{
     ColumnStatus, Observability, base_columns, eliminate, singular_values,
@@ -345,20 +345,17 @@ fn in_metres(
     Assembly::new(arms, &metric, state, derivatives)
 }
 
-/// How much of a parameter is a metre: 1 for lengths and gains of sliding joints, 1 / length for
-/// angles and gains of turning ones.
+/// How much of a parameter is a metre: 1 for lengths and what moves sliding joints, 1 / length for
+/// angles and what moves turning ones.
 fn unit_of(robot: &Robot, parameter: usize, length: f64) -> f64 {
     let p = &robot.parameters()[parameter];
-    let sliding = || {
-        let mut joints = robot.joints().iter();
-        joints.any(|j| {
-            j.gain_parameter == parameter
-                && robot.parameters()[j.offset_parameter].unit() == Unit::Meter
-        })
+    let slides = || {
+        let motion = robot.frames()[p.frame].motion.as_ref();
+        motion.is_some_and(|motion| motion.kind == JointKind::Prismatic)
     };
-    match p.kind {
-        ParameterKind::Gain if sliding() => 1.0,
-        _ if p.unit() == Unit::Meter => 1.0,
+    match (p.kind, p.unit()) {
+        (ParameterKind::Gain | ParameterKind::Model, _) if slides() => 1.0,
+        (_, Unit::Meter) => 1.0,
         _ => 1.0 / length,
     }
 }

@@ -93,7 +93,8 @@ pub fn excited(
     // place of another it would have to move far.
     kept.sort_by_key(|column| match data.columns[*column].owner {
         Owner::Parameter { robot, parameter } => {
-            arms[robot].robot.parameters()[parameter].kind == ParameterKind::Gain
+            let kind = arms[robot].robot.parameters()[parameter].kind;
+            matches!(kind, ParameterKind::Gain | ParameterKind::Model)
         }
         _ => false,
     });

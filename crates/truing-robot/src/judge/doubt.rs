@@ -138,6 +138,8 @@ impl Job {
                     Unit::Radian => (0.1, &|x| format!("{:.2}°", x.to_degrees())),
                     Unit::Meter => (0.05, &|x| format!("{:.1} mm", x * 1e3)),
                     Unit::One => (0.05, &|x| format!("{x:.3}")),
+                    // Of models: how far is far depends on what they are multiplied with.
+                    Unit::Other(_) => continue,
                 };
                 let sign = if change < 0.0 { "−" } else { "+" };
                 let name = arm.parameter_name(k);

@@ -94,12 +94,12 @@ impl Uncertainty {
                 "robots are numbered from 0, in the order of the calibration",
             ));
         };
-        if q.len() != chain.joints().len() {
+        if q.len() < chain.given() {
             return Err(Error::calibration(
                 format!(
                     "found {} joint values for the {} joints of {}",
                     q.len(),
-                    chain.joints().len(),
+                    chain.given(),
                     chain.name()
                 ),
                 "give one number for each joint",

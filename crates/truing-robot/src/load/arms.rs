@@ -1,15 +1,19 @@
 //! Robots from their files.
 
 use crate::file::RobotRef;
-use crate::robot::{Arm, Robot, RobotFile};
+use crate::robot::{Arm, Models, Robot, RobotFile};
 use crate::text::{InputError, Source};
 use std::ops::Range;
 use std::path::Path;
 
 /// Reads robots from their files.
-pub fn read_arms(robots: &[RobotRef], source: &Source) -> Result<Vec<Arm>, InputError> {
+pub fn read_arms(
+    robots: &[RobotRef],
+    source: &Source,
+    models: &Models,
+) -> Result<Vec<Arm>, InputError> {
     let read = |robot: &RobotRef| {
-        let file = RobotFile::read(&robot.file)
+        let file = RobotFile::read_with(&robot.file, models)
             .map_err(|error| shown_where_named(error, &robot.file, source, robot.span.clone()))?;
         Ok(Arm {
             name: robot.name.clone(),

@@ -27,7 +27,7 @@ pub fn load(file: &CalibrationFile) -> Result<Calibration, Error> {
 /// # Errors
 /// As [`load`].
 pub fn load_with(file: &CalibrationFile, registry: &Registry) -> Result<Calibration, Error> {
-    let arms = read_arms(&file.robots, &file.source)?;
+    let arms = read_arms(&file.robots, &file.source, registry.models())?;
     let estimate = estimate(&file.estimate, &file.source, &arms, registry)?;
     let mut loader = Loader {
         file,

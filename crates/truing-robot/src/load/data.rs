@@ -6,7 +6,7 @@ use crate::file::{CalibrationFile, ConstraintSpec};
 use crate::measurement::{Groups, Kind, Rows};
 use crate::plugin::Registry;
 use crate::robot::names::listed;
-use crate::robot::{Arm, JointKind};
+use crate::robot::{Arm, InputColumn, JointKind};
 use crate::text::{Dimension, InputError, Table, nearest};
 use std::ops::Range;
 use std::sync::Arc;
@@ -116,7 +116,46 @@ impl Data<'_> {
                 row.push(value);
             }
         }
+        for column in arm.robot.columns() {
+            let values = self.further(arm, column, suffix)?;
+            for (row, value) in q.iter_mut().zip(values) {
+                row.push(value);
+            }
+        }
         Ok(q)
+    }
+
+    /// A further column that joints of a robot are a function of.
+    fn further(
+        &self,
+        arm: &Arm,
+        column: &InputColumn,
+        suffix: &str,
+    ) -> Result<Vec<f64>, InputError> {
+        let candidates = further_columns(arm, column, suffix);
+        let mapped = |name: &&String| self.spec.columns.iter().any(|(from, _)| from == *name);
+        let name = candidates.iter().find(mapped);
+        let name = name.or_else(|| candidates.iter().find(|name| self.table.has(name)));
+        match (name, column.value) {
+            (Some(name), _) => self.numbers(name, Dimension::None),
+            (None, Some(value)) => Ok(vec![value; self.rows.len()]),
+            (None, None) => {
+                let columns: Vec<String> = self.table.column_names().map(str::to_owned).collect();
+                Err(self
+                    .table
+                    .header_error(format!(
+                        "there is no column `{}{suffix}`, which a joint of {} is a function of; the columns are {}",
+                        column.name,
+                        arm.title(),
+                        listed(&columns)
+                    ))
+                    .with_help(format!(
+                        "say in the calibration file which it is, columns = {{ {} = \"…\" }}; if it is always \
+                         the same, say so in the robot file, [inputs] {} = {{ value = … }}",
+                        candidates[0], column.name
+                    )))
+            }
+        }
     }
 
     /// Every name in `columns` must be one that is read.
@@ -141,6 +180,10 @@ impl Data<'_> {
                 if self.spec.kind.tools() > 1 {
                     known.extend(joint_columns(arm, k, "b"));
                 }
+            }
+            for column in arm.robot.columns() {
+                known.extend(further_columns(arm, column, ""));
+                known.extend(further_columns(arm, column, "b"));
             }
         }
         let unknown = self
@@ -276,8 +319,21 @@ impl Data<'_> {
     }
 }
 
+/// The names that a further column may have, the preferred first; `suffix` marks a second posture.
+fn further_columns(arm: &Arm, column: &InputColumn, suffix: &str) -> Vec<String> {
+    let name = format!("{}{suffix}", column.name);
+    if arm.name.is_empty() {
+        return vec![name];
+    }
+    vec![
+        format!("{}.{name}", arm.name),
+        format!("{}_{name}", arm.name),
+        name,
+    ]
+}
+
 /// The names of the columns that a joint may have, the preferred first; `suffix` marks a second posture.
-pub fn joint_columns(arm: &Arm, joint: usize, suffix: &str) -> Vec<String> {
+fn joint_columns(arm: &Arm, joint: usize, suffix: &str) -> Vec<String> {
     let mut names = Vec::new();
     for name in [
         format!("{}{suffix}", arm.robot.joints()[joint].name),

@@ -50,7 +50,7 @@ pub fn estimate(
                 let (factor, symbol) = match arms[key.0].robot.parameters()[key.1].unit() {
                     Unit::Radian => (1f64.to_degrees(), " deg"),
                     Unit::Meter => (1e3, " mm"),
-                    Unit::One => (1.0, ""),
+                    Unit::One | Unit::Other(_) => (1.0, ""),
                 };
                 let shown = |x: f64| plain(x * factor);
                 let message = format!(

@@ -65,7 +65,7 @@ pub fn dimension_of(unit: Unit) -> Dimension {
     match unit {
         Unit::Radian => Dimension::Angle,
         Unit::Meter => Dimension::Length,
-        Unit::One => Dimension::None,
+        Unit::One | Unit::Other(_) => Dimension::None,
     }
 }
 

@@ -105,7 +105,7 @@ impl Draw<'_> {
         tools
             .map(|(k, tool)| {
                 let robot = &self.at.arms[tool.robot].robot;
-                let q = &posture[first..first + robot.joints().len()];
+                let q = &posture[first..first + robot.given()];
                 first += q.len();
                 let flange = robot.forward(&self.at.state.robots[tool.robot], q);
                 flange.compose(&self.at.target(k))
@@ -184,12 +184,13 @@ fn by_joints(
     let mut first = 0;
     let (mut tools, mut moves, mut turns) = (Vec::new(), Vec::new(), Vec::new());
     for (posed, target) in posed.iter().zip(targets) {
-        let own = &q[first..first + posed.robot.joints().len()];
+        let own = &q[first..first + posed.robot.given()];
         let mut regressor = Regressor::default();
         let (tip, moved) = posed.tip(own, &mut regressor);
-        for joint in 0..own.len() {
-            turns.push(regressor.joint_turn(posed.robot, posed.parameters, joint));
-            moves.push(moved.fixed_view::<3, 1>(0, joint).into_owned());
+        let turned = posed.turns(own, &regressor);
+        for number in 0..own.len() {
+            turns.push(turned.fixed_view::<3, 1>(0, number).into_owned());
+            moves.push(moved.fixed_view::<3, 1>(0, number).into_owned());
         }
         tools.push(Pose {
             rotation: regressor.tool.rotation * target.rotation,
@@ -201,7 +202,7 @@ fn by_joints(
     let tool_of: Vec<usize> = posed
         .iter()
         .enumerate()
-        .flat_map(|(k, posed)| vec![k; posed.robot.joints().len()])
+        .flat_map(|(k, posed)| vec![k; posed.robot.given()])
         .collect();
     let values = DVector::from_iterator(rows.len(), rows.iter().map(|row| row.value));
     let jacobian = DMatrix::from_fn(rows.len(), q.len(), |row, joint| {

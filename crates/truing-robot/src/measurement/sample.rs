@@ -3,6 +3,7 @@
 use super::at::At;
 use super::draw::Draw;
 use super::groups::{Groups, Rows};
+use super::readings::Tool;
 use super::set::MeasurementSet;
 use crate::error::Error;
 use crate::robot::{Arm, posture};
@@ -47,7 +48,7 @@ pub fn sample(
     let mut postures = vec![Vec::new(); set.tools.len()];
     let mut values = Rows::new(set.kind.columns().len());
     for group in 0..set.groups.len() {
-        let near = near(sampling.near, group);
+        let near = near(arms, sampling.near, group);
         let mut draw = Draw {
             at: At {
                 arms,
@@ -67,8 +68,9 @@ pub fn sample(
             values.push(&set.kind.draw(&mut draw)?);
             let mut rest = &draw.posture[..];
             for (tool, postures) in set.tools.iter().zip(&mut postures) {
-                let (own, others) = rest.split_at(arms[tool.robot].robot.joints().len());
-                postures.push(own.to_vec());
+                let robot = &arms[tool.robot].robot;
+                let (own, others) = rest.split_at(robot.given());
+                postures.push(robot.complete(own).into_owned());
                 rest = others;
             }
         }
@@ -102,13 +104,14 @@ pub fn sample(
 }
 
 /// The postures of all tools in the rows of a group of a set, one after another.
-fn near(set: Option<&MeasurementSet>, group: usize) -> Vec<Vec<f64>> {
+fn near(arms: &[Arm], set: Option<&MeasurementSet>, group: usize) -> Vec<Vec<f64>> {
     let Some(set) = set else {
         return Vec::new();
     };
     let posture = |row: usize| {
         let tools = set.tools.iter();
-        tools.flat_map(|tool| tool.q[row].clone()).collect()
+        let given = |tool: &Tool| tool.q[row][..arms[tool.robot].robot.given()].to_vec();
+        tools.flat_map(given).collect()
     };
     set.groups.rows(group).map(posture).collect()
 }

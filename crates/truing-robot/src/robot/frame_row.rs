@@ -1,6 +1,7 @@
 //! A frame of a robot file: its parameters and the convention that gives them meaning.
 
 use crate::text::quantity::Dimension;
+use truing::nalgebra::Vector3;
 
 /// What the parameters of a frame mean.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -13,10 +14,15 @@ pub enum Convention {
     /// Rot(z, θ) · Trans(z, d) · Trans(x, a) · Rot(x, α) · Rot(y, β)
     /// (Denavit & Hartenberg 1955; β as in Hayati 1983).
     DenavitHartenberg,
+    /// A constant transform, a small one with six parameters, and the motion of the joint about or along any
+    /// axis, as URDF has it: Trans(xyz) · Rpy(rpy) · Trans(x, y, z) · Rpy(rx, ry, rz) · motion.
+    General,
 }
 
 impl Convention {
-    pub(super) const NAMES: [(&str, Self); 6] = [
+    pub(super) const NAMES: [(&str, Self); 8] = [
+        ("general", Self::General),
+        ("urdf", Self::General),
         ("khalil-kleinfinger", Self::KhalilKleinfinger),
         ("denavit-hartenberg", Self::DenavitHartenberg),
         ("kk", Self::KhalilKleinfinger),
@@ -31,6 +37,7 @@ impl Convention {
         match self {
             Self::KhalilKleinfinger => "khalil-kleinfinger",
             Self::DenavitHartenberg => "denavit-hartenberg",
+            Self::General => "general",
         }
     }
 
@@ -40,6 +47,7 @@ impl Convention {
             (Self::KhalilKleinfinger, Part::Base) => &[Key::Theta, Key::R],
             (Self::KhalilKleinfinger, _) => &[Key::Alpha, Key::D, Key::Theta, Key::R, Key::Beta],
             (Self::DenavitHartenberg, _) => &[Key::Theta, Key::D, Key::A, Key::Alpha, Key::Beta],
+            (Self::General, _) => &Key::SMALL,
         }
     }
 }
@@ -61,16 +69,31 @@ pub(super) enum Key {
     R,
     Beta,
     A,
+    X,
+    Y,
+    Z,
+    Rx,
+    Ry,
+    Rz,
 }
 
 impl Key {
-    pub(super) const ALL: [Self; 6] = [
+    /// The small transform of a general frame.
+    pub(super) const SMALL: [Self; 6] = [Self::X, Self::Y, Self::Z, Self::Rx, Self::Ry, Self::Rz];
+
+    pub(super) const ALL: [Self; 12] = [
         Self::Alpha,
         Self::D,
         Self::Theta,
         Self::R,
         Self::Beta,
         Self::A,
+        Self::X,
+        Self::Y,
+        Self::Z,
+        Self::Rx,
+        Self::Ry,
+        Self::Rz,
     ];
 
     pub(super) fn name(self) -> &'static str {
@@ -81,13 +104,53 @@ impl Key {
             Self::R => "r",
             Self::Beta => "beta",
             Self::A => "a",
+            Self::X => "x",
+            Self::Y => "y",
+            Self::Z => "z",
+            Self::Rx => "rx",
+            Self::Ry => "ry",
+            Self::Rz => "rz",
         }
     }
 
     pub(super) fn dimension(self) -> Dimension {
         match self {
-            Self::Alpha | Self::Theta | Self::Beta => Dimension::Angle,
-            Self::D | Self::R | Self::A => Dimension::Length,
+            Self::Alpha | Self::Theta | Self::Beta | Self::Rx | Self::Ry | Self::Rz => {
+                Dimension::Angle
+            }
+            _ => Dimension::Length,
+        }
+    }
+}
+
+/// A general frame: what is constant in it, and its small transform.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GeneralFrame {
+    /// Constant translation \[m\].
+    pub xyz: [f64; 3],
+    /// Constant rotation: roll, pitch and yaw about fixed axes \[rad\].
+    pub rpy: [f64; 3],
+    /// The axis of the joint, in the frame; not zero.
+    pub axis: [f64; 3],
+    /// The small transform: x, y, z \[m\], then roll, pitch and yaw about fixed axes \[rad\].
+    pub small: [f64; 6],
+}
+
+impl GeneralFrame {
+    /// The unit axis of the joint.
+    pub fn axis(&self) -> Vector3<f64> {
+        let axis = Vector3::from(self.axis);
+        axis.try_normalize(0.0).unwrap_or_else(Vector3::z)
+    }
+}
+
+impl Default for GeneralFrame {
+    fn default() -> Self {
+        Self {
+            xyz: [0.0; 3],
+            rpy: [0.0; 3],
+            axis: [0.0, 0.0, 1.0],
+            small: [0.0; 6],
         }
     }
 }
@@ -107,6 +170,10 @@ pub struct FrameRow {
     pub beta: f64,
     /// Translation along x, Denavit–Hartenberg only \[m\].
     pub a: f64,
+    /// A general frame.
+    pub general: GeneralFrame,
+    /// The convention of this frame, where it is not the robot's.
+    pub convention: Option<Convention>,
 }
 
 impl FrameRow {
@@ -118,6 +185,7 @@ impl FrameRow {
             Key::R => self.r,
             Key::Beta => self.beta,
             Key::A => self.a,
+            small => self.general.small[small as usize - Key::X as usize],
         }
     }
 
@@ -129,6 +197,7 @@ impl FrameRow {
             Key::R => &mut self.r,
             Key::Beta => &mut self.beta,
             Key::A => &mut self.a,
+            small => &mut self.general.small[small as usize - Key::X as usize],
         }
     }
 }
@@ -150,7 +219,11 @@ mod tests {
 
     #[test]
     fn a_convention_is_found_by_its_name() {
-        for convention in [Convention::KhalilKleinfinger, Convention::DenavitHartenberg] {
+        for convention in [
+            Convention::KhalilKleinfinger,
+            Convention::DenavitHartenberg,
+            Convention::General,
+        ] {
             assert!(Convention::NAMES.contains(&(convention.name(), convention)));
         }
     }

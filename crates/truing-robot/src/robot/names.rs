@@ -5,7 +5,7 @@ use super::serial::ParameterKind;
 use crate::text::{Pattern, nearest};
 
 /// Words that mean several parameters, beside names and patterns.
-const WORDS: [&str; 4] = ["all", "base", "tool", "gains"];
+const WORDS: [&str; 5] = ["all", "base", "tool", "gains", "models"];
 
 /// A name that means no parameter.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -17,7 +17,7 @@ pub struct UnknownName {
 }
 
 /// The parameters, as (robot, parameter) in their order, that a name, pattern or word means: `theta3`,
-/// `left.d*`, `all`, `base`, `tool`, `gains`.
+/// `left.d*`, `all`, `base`, `tool`, `gains`, `models`.
 ///
 /// # Errors
 /// If it means none.
@@ -33,6 +33,7 @@ pub fn find(arms: &[Arm], text: &str) -> Result<Vec<(usize, usize)>, UnknownName
             "base" => robot.base_parameters().contains(&p),
             "tool" => robot.tool_parameters().contains(&p),
             "gains" => robot.parameters()[p].kind == ParameterKind::Gain,
+            "models" => robot.parameters()[p].kind == ParameterKind::Model,
             _ => Pattern::new(word).matches(&robot.parameters()[p].name),
         }
     };

@@ -1,8 +1,8 @@
 //! Postures that satisfy a geometric condition exactly, found by damped Newton steps on the joints.
 
+use super::joint_kind::JointKind;
 use super::regressor::{DifferentiateChain, FrameWise, Regressor};
 use super::serial::Robot;
-use super::table::JointKind;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use truing::nalgebra::{DMatrix, DVector, Vector3};
@@ -24,27 +24,41 @@ pub struct Posed<'a> {
 impl Posed<'_> {
     /// The tool point in the reference frame, and how it moves with each joint (3 × joints).
     pub fn tip(&self, q: &[f64], regressor: &mut Regressor) -> (Vector3<f64>, DMatrix<f64>) {
+        let slopes = self.robot.slopes(self.parameters, q);
         FrameWise.regressor(self.robot, self.parameters, q, regressor);
         let tip = regressor.tool.apply(&self.target);
-        let columns: Vec<Vector3<f64>> = (0..q.len())
-            .map(|k| regressor.joint_velocity(self.robot, self.parameters, k, &tip))
+        let readings = self.robot.joints().len();
+        let columns: Vec<Vector3<f64>> = (0..readings)
+            .map(|k| regressor.joint_velocity(self.robot, &slopes, k, &tip))
             .collect();
-        (tip, DMatrix::from_fn(3, q.len(), |i, k| columns[k][i]))
+        // Further columns are what they are: no step moves them.
+        let entry = |i: usize, k: usize| columns.get(k).map_or(0.0, |column| column[i]);
+        (tip, DMatrix::from_fn(3, q.len(), entry))
+    }
+
+    /// How the tool turns with each number of a row (3 × numbers), after [`tip`](Self::tip).
+    pub fn turns(&self, q: &[f64], regressor: &Regressor) -> DMatrix<f64> {
+        let slopes = self.robot.slopes(self.parameters, q);
+        let readings = self.robot.joints().len();
+        let columns: Vec<Vector3<f64>> = (0..readings)
+            .map(|k| regressor.joint_turn(self.robot, &slopes, k))
+            .collect();
+        let entry = |i: usize, k: usize| columns.get(k).map_or(0.0, |column| column[i]);
+        DMatrix::from_fn(3, q.len(), entry)
     }
 }
 
-/// The range in which a joint may be: its limits, or a full turn (a metre either way if it slides).
+/// The range in which each number of a row may be: a joint's limits, or a full turn (a metre either way if it
+/// slides), then those of further columns.
 pub fn limits(robot: &Robot) -> Vec<[f64; 2]> {
-    robot
-        .joints()
-        .iter()
-        .map(|joint| {
-            joint.limits.unwrap_or(match joint.kind {
-                JointKind::Prismatic => [-1.0, 1.0],
-                _ => [-std::f64::consts::PI, std::f64::consts::PI],
-            })
+    let joints = robot.joints().iter().map(|joint| {
+        joint.limits.unwrap_or(match joint.kind {
+            JointKind::Prismatic => [-1.0, 1.0],
+            _ => [-std::f64::consts::PI, std::f64::consts::PI],
         })
-        .collect()
+    });
+    let columns = robot.columns().iter().map(|column| column.range);
+    joints.chain(columns).collect()
 }
 
 /// A posture drawn uniformly between limits.
@@ -84,13 +98,14 @@ pub fn dexterous(robot: &Robot, parameters: &[f64], rng: &mut impl Rng) -> Vec<f
     let mut regressor = Regressor::default();
     for _ in 0..DRAWS {
         let q = random(&inner, rng);
+        let slopes = robot.slopes(parameters, &q);
         FrameWise.regressor(robot, parameters, &q, &mut regressor);
         let tip = regressor.tool.translation;
-        let jacobian = DMatrix::from_fn(6, q.len(), |row, joint| {
+        let jacobian = DMatrix::from_fn(6, robot.joints().len(), |row, joint| {
             if row < 3 {
-                regressor.joint_velocity(robot, parameters, joint, &tip)[row]
+                regressor.joint_velocity(robot, &slopes, joint, &tip)[row]
             } else {
-                regressor.joint_turn(robot, parameters, joint)[row - 3]
+                regressor.joint_turn(robot, &slopes, joint)[row - 3]
             }
         });
         let smallest = jacobian.singular_values().min();

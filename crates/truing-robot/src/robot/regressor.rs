@@ -1,37 +1,10 @@
 //! The kinematic regressor: how the tool moves when a parameter does.
 
-use super::frame::{LocalFrame, MAX_WIDTH};
+use super::frame::LocalFrame;
 use super::serial::Robot;
+use super::twist::{Twist, twist_in_reference};
 use truing::manifold::Pose;
 use truing::nalgebra::{Matrix3xX, Vector3};
-
-/// A unit change of a parameter moves the point p at `linear + angular × p`.
-///
-/// Both vectors are in frame −1, the fixed reference frame: a spatial twist about its origin.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Twist {
-    /// Angular velocity, per unit of the parameter.
-    pub angular: Vector3<f64>,
-    /// Velocity of the point at the origin, per unit of the parameter.
-    pub linear: Vector3<f64>,
-}
-
-impl Twist {
-    /// Velocity of a point that moves with the tool.
-    #[inline]
-    pub fn at(&self, point: &Vector3<f64>) -> Vector3<f64> {
-        self.linear + self.angular.cross(point)
-    }
-}
-
-impl Default for Twist {
-    fn default() -> Self {
-        Self {
-            angular: Vector3::zeros(),
-            linear: Vector3::zeros(),
-        }
-    }
-}
 
 /// The tool pose and ∂(tool pose)/∂(parameters), one twist a parameter.
 #[derive(Debug, Clone)]
@@ -40,6 +13,8 @@ pub struct Regressor {
     pub tool: Pose<f64>,
     /// One twist for each parameter of the robot, in their order.
     pub twists: Vec<Twist>,
+    /// One twist for each moving frame, of a unit displacement of its joint.
+    pub motions: Vec<Twist>,
 }
 
 impl Default for Regressor {
@@ -47,6 +22,7 @@ impl Default for Regressor {
         Self {
             tool: Pose::identity(),
             twists: Vec::new(),
+            motions: Vec::new(),
         }
     }
 }
@@ -66,23 +42,38 @@ impl Regressor {
         )
     }
 
-    /// Velocity of a tool point when joint number `joint` moves at unit speed: that of its θ (or r)
-    /// column times the gain.
+    /// Velocity of a tool point when the reading of joint number `joint` moves at unit speed, from the
+    /// [`slopes`](Robot::slopes) of the displacements.
     pub fn joint_velocity(
         &self,
         robot: &Robot,
-        parameters: &[f64],
+        slopes: &[f64],
         joint: usize,
         point: &Vector3<f64>,
     ) -> Vector3<f64> {
-        let joint = &robot.joints()[joint];
-        self.twists[joint.offset_parameter].at(point) * parameters[joint.gain_parameter]
+        self.by_joint(robot, slopes, joint, |motion| motion.at(point))
     }
 
-    /// Angular velocity of the tool when joint number `joint` moves at unit speed.
-    pub fn joint_turn(&self, robot: &Robot, parameters: &[f64], joint: usize) -> Vector3<f64> {
-        let joint = &robot.joints()[joint];
-        self.twists[joint.offset_parameter].angular * parameters[joint.gain_parameter]
+    /// Angular velocity of the tool when the reading of joint number `joint` moves at unit speed.
+    pub fn joint_turn(&self, robot: &Robot, slopes: &[f64], joint: usize) -> Vector3<f64> {
+        self.by_joint(robot, slopes, joint, |motion| motion.angular)
+    }
+
+    fn by_joint(
+        &self,
+        robot: &Robot,
+        slopes: &[f64],
+        joint: usize,
+        of: impl Fn(&Twist) -> Vector3<f64>,
+    ) -> Vector3<f64> {
+        let readings = robot.joints().len();
+        let own = slopes.iter().skip(joint).step_by(readings);
+        let moved = self.motions.iter().zip(own);
+        moved
+            .filter(|(_, slope)| **slope != 0.0)
+            .fold(Vector3::zeros(), |sum, (motion, slope)| {
+                sum + of(motion) * *slope
+            })
     }
 }
 
@@ -105,21 +96,22 @@ impl DifferentiateChain for FrameWise {
     fn regressor(&self, robot: &Robot, parameters: &[f64], q: &[f64], out: &mut Regressor) {
         out.twists
             .resize(robot.parameters().len(), Twist::default());
+        out.motions.clear();
+        let row = robot.complete(q);
         let mut pose = Pose::<f64>::identity();
-        let mut local = LocalFrame {
-            pose: Pose::identity(),
-            twists: [(Vector3::zeros(), Vector3::zeros()); MAX_WIDTH],
-        };
+        let mut local = LocalFrame::default();
         for frame in robot.frames() {
-            let range = frame.parameters.clone();
-            frame.differentiate(
-                &parameters[range.clone()],
-                frame.joint.map_or(0.0, |j| q[j]),
-                &mut local,
-            );
-            for (twist, (omega, v)) in out.twists[range].iter_mut().zip(&local.twists) {
-                twist.angular = pose.rotation * omega;
-                twist.linear = pose.rotation * v - twist.angular.cross(&pose.translation);
+            let range = frame.own_parameters();
+            let displacement = frame.displacement(parameters, &row);
+            let place = frame.differentiate(&parameters[range.clone()], displacement, &mut local);
+            for (twist, own) in out.twists[range].iter_mut().zip(&local.twists) {
+                *twist = twist_in_reference(&pose, own);
+            }
+            if let Some(motion) = &frame.motion {
+                let moved = twist_in_reference(&pose, &local.twists[place]);
+                let twists = &mut out.twists;
+                motion.by_parameters(parameters, &row, |k, slope| twists[k] = moved.times(slope));
+                out.motions.push(moved);
             }
             pose = Pose {
                 translation: pose.rotation * local.pose.translation + pose.translation,

@@ -1,14 +1,15 @@
 //! Robots: frames, joints and their named parameters.
 
-use super::frame::{
-    DenavitHartenberg, FIXED, FrameModel, KhalilKleinfinger, KhalilKleinfingerBase, LocalFrame,
-    PRISMATIC, REVOLUTE, differentiate,
-};
-use super::frame_row::{Convention, FrameRow};
-use super::table::{JointKind, JointRow, RobotFile};
-use std::ops::Range;
+use super::chain_frame::Frame;
+use super::frame_row::{Convention, Key};
+use super::joint_kind::JointKind;
+use super::table::RobotFile;
+use super::twist::{Twist, twist_in_reference};
+use super::unit::Unit;
+use std::borrow::Cow;
 use truing::Scalar;
 use truing::manifold::Pose;
+use truing::nalgebra::Vector3;
 
 /// What a parameter is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -25,31 +26,15 @@ pub enum ParameterKind {
     Beta,
     /// Transmission gain K of a joint.
     Gain,
+    /// One of the six numbers of a general frame's small transform.
+    Small(u8),
+    /// Of a frame model from outside.
+    Custom,
+    /// Of a joint model.
+    Model,
 }
 
-/// Unit of a parameter.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Unit {
-    /// Radians.
-    Radian,
-    /// Metres.
-    Meter,
-    /// A ratio.
-    One,
-}
-
-impl Unit {
-    /// `rad`, `m` or `1`.
-    pub fn symbol(self) -> &'static str {
-        match self {
-            Self::Radian => "rad",
-            Self::Meter => "m",
-            Self::One => "1",
-        }
-    }
-}
-
-/// One geometric parameter.
+/// One parameter.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Parameter {
     /// Name, e.g. `theta3`.
@@ -58,22 +43,19 @@ pub struct Parameter {
     pub kind: ParameterKind,
     /// Number of its frame: 0 is the base, 1 … n the joints, n + 1 the tool.
     pub frame: usize,
-    /// Nominal value [m or rad].
+    /// Nominal value [m, rad or as its unit says].
     pub nominal: f64,
+    pub(super) unit: Unit,
 }
 
 impl Parameter {
     /// Its unit.
     pub fn unit(&self) -> Unit {
-        match self.kind {
-            ParameterKind::Alpha | ParameterKind::Theta | ParameterKind::Beta => Unit::Radian,
-            ParameterKind::LengthX | ParameterKind::LengthZ => Unit::Meter,
-            ParameterKind::Gain => Unit::One,
-        }
+        self.unit
     }
 }
 
-/// One moving joint.
+/// One joint with a reading of its own.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Joint {
     /// Name, by which data files give its column.
@@ -84,240 +66,58 @@ pub struct Joint {
     pub limits: Option<[f64; 2]>,
     /// Value where data have no column for it.
     pub value: Option<f64>,
-    /// Number of the parameter its value adds to (θ, or r if it slides).
-    pub offset_parameter: usize,
-    /// Number of its gain.
-    pub gain_parameter: usize,
+    /// Number of its frame.
+    pub frame: usize,
+    /// Number of the parameter that moves what the joint does: θ, or r if it slides; of a general frame the one
+    /// nearest to that; none of a frame from outside.
+    pub offset_parameter: Option<usize>,
 }
 
-type Differentiate = fn(&[f64], f64, &mut LocalFrame);
-
-/// One frame of the chain.
-#[derive(Debug, Clone)]
-pub struct Frame {
-    /// Its parameters in the robot's vector.
-    pub parameters: Range<usize>,
-    /// Number of the moving joint that moves it.
-    pub joint: Option<usize>,
-    model: Model,
+/// A further column of the data that joints are a function of.
+#[derive(Debug, Clone, PartialEq)]
+pub struct InputColumn {
+    /// Its name.
+    pub name: String,
+    /// Whether only its sign counts.
+    pub sign: bool,
+    /// Between which values it is drawn in simulations.
+    pub range: [f64; 2],
+    /// Its value where the data have no such column.
+    pub value: Option<f64>,
 }
 
-/// Which frame function a frame is, resolved to a match and not a pointer so that forward
-/// kinematics stay generic.
+/// What is derived from the readings with the nominal parameters.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Model {
-    convention: Convention,
-    base: bool,
-    beta: bool,
-    joint: JointKind,
-}
-
-macro_rules! dispatch {
-    ($model:expr, $visit:ident) => {
-        match ($model.convention, $model.beta, $model.joint) {
-            _ if $model.base => $visit!(KhalilKleinfingerBase, 2),
-            (Convention::KhalilKleinfinger, false, JointKind::Fixed) => $visit!(KhalilKleinfinger<false, FIXED>, 4),
-            (Convention::KhalilKleinfinger, false, JointKind::Revolute) => $visit!(KhalilKleinfinger<false, REVOLUTE>, 5),
-            (Convention::KhalilKleinfinger, false, JointKind::Prismatic) => $visit!(KhalilKleinfinger<false, PRISMATIC>, 5),
-            (Convention::KhalilKleinfinger, true, JointKind::Fixed) => $visit!(KhalilKleinfinger<true, FIXED>, 5),
-            (Convention::KhalilKleinfinger, true, JointKind::Revolute) => $visit!(KhalilKleinfinger<true, REVOLUTE>, 6),
-            (Convention::KhalilKleinfinger, true, JointKind::Prismatic) => $visit!(KhalilKleinfinger<true, PRISMATIC>, 6),
-            (Convention::DenavitHartenberg, false, JointKind::Fixed) => $visit!(DenavitHartenberg<false, FIXED>, 4),
-            (Convention::DenavitHartenberg, false, JointKind::Revolute) => $visit!(DenavitHartenberg<false, REVOLUTE>, 5),
-            (Convention::DenavitHartenberg, false, JointKind::Prismatic) => $visit!(DenavitHartenberg<false, PRISMATIC>, 5),
-            (Convention::DenavitHartenberg, true, JointKind::Fixed) => $visit!(DenavitHartenberg<true, FIXED>, 5),
-            (Convention::DenavitHartenberg, true, JointKind::Revolute) => $visit!(DenavitHartenberg<true, REVOLUTE>, 6),
-            (Convention::DenavitHartenberg, true, JointKind::Prismatic) => $visit!(DenavitHartenberg<true, PRISMATIC>, 6),
-        }
-    };
-}
-
-impl Frame {
-    /// parent_from_frame, from the frame's own parameters and its joint value.
-    #[inline]
-    pub fn transform<T: Scalar>(&self, p: &[T], q: f64) -> Pose<T> {
-        macro_rules! visit {
-            ($M:ty, $W:literal) => {
-                <$M as FrameModel>::transform(p, q)
-            };
-        }
-        dispatch!(self.model, visit)
-    }
-
-    #[inline]
-    pub(crate) fn differentiate(&self, p: &[f64], q: f64, out: &mut LocalFrame) {
-        macro_rules! visit {
-            ($M:ty, $W:literal) => {
-                differentiate::<$M, $W> as Differentiate
-            };
-        }
-        let f = dispatch!(self.model, visit);
-        f(p, q, out);
-    }
-
-    /// Number of its parameter of a kind, in the robot's vector.
-    fn position(&self, kind: ParameterKind) -> Option<usize> {
-        self.model
-            .kinds()
-            .iter()
-            .position(|k| *k == kind)
-            .map(|k| self.parameters.start + k)
-    }
-}
-
-impl Model {
-    /// The kinds of its parameters, in the order of its function.
-    fn kinds(self) -> Vec<ParameterKind> {
-        use ParameterKind::{Alpha, Beta, Gain, LengthX, LengthZ, Theta};
-        if self.base {
-            return vec![Theta, LengthZ];
-        }
-        let mut kinds = match self.convention {
-            Convention::KhalilKleinfinger => vec![Alpha, LengthX, Theta, LengthZ],
-            Convention::DenavitHartenberg => vec![Theta, LengthZ, LengthX, Alpha],
-        };
-        if self.beta {
-            kinds.push(Beta);
-        }
-        if self.joint != JointKind::Fixed {
-            kinds.push(Gain);
-        }
-        kinds
-    }
+pub(super) enum Derived {
+    /// The arm of gravity that a mass at the origin of a frame has on the joint of another: joint, frame.
+    GravityArm(usize, usize),
+    /// The torque of gravity on the joint of a frame.
+    GravityTorque(usize),
 }
 
 /// A serial robot: base, joints, tool, and its named parameters with nominal values.
 ///
-/// Frame j − 1 from frame j is one [`Convention`] transform; the chain is
-/// base_from_tool = T₀ · T₁(q₁) ⋯ Tₙ(qₙ) · Tₙ₊₁. The parameter vector holds everything that `"all"`
-/// means: four parameters a frame (frame 0 of Khalil–Kleinfinger has θ and r only), β where the axis
-/// is nominally parallel to the one before, and the gain K of every moving joint.
+/// Frame j − 1 from frame j is one transform of a [`Convention`], or of a model from outside; the chain is
+/// base_from_tool = T₀ · T₁(δ₁) ⋯ Tₙ(δₙ) · Tₙ₊₁ with displacements δ that are sums of joint models. The
+/// parameter vector holds everything that `"all"` means: four parameters a frame (frame 0 of
+/// Khalil–Kleinfinger has θ and r only, a general frame six), β where the axis is nominally parallel to the one
+/// before, the gain K of every moving joint, and those of its models.
+///
+/// Joint values are given as rows: the readings of the [`joints`](Self::joints) in order, then the further
+/// [`columns`](Self::columns). What is derived from them comes behind ([`complete`](Self::complete)).
 #[derive(Debug, Clone)]
 pub struct Robot {
-    name: String,
-    convention: Convention,
-    frames: Vec<Frame>,
-    joints: Vec<Joint>,
-    parameters: Vec<Parameter>,
-    file: RobotFile,
+    pub(super) name: String,
+    pub(super) convention: Convention,
+    pub(super) frames: Vec<Frame>,
+    pub(super) joints: Vec<Joint>,
+    pub(super) columns: Vec<InputColumn>,
+    pub(super) derived: Vec<Derived>,
+    pub(super) parameters: Vec<Parameter>,
+    pub(super) file: RobotFile,
 }
 
-/// Axes closer to parallel than this \[rad\] get the extra angle β.
-const PARALLEL: f64 = 0.02;
-
 impl Robot {
-    /// The robot that a file describes.
-    pub fn new(file: &RobotFile) -> Self {
-        let mut robot = Self {
-            name: file.name.clone(),
-            convention: file.convention,
-            frames: Vec::new(),
-            joints: Vec::new(),
-            parameters: Vec::new(),
-            file: file.clone(),
-        };
-        let n = file.joints.len();
-        robot.push_frame(0, n, &file.base, None);
-        for (j, row) in file.joints.iter().enumerate() {
-            robot.push_frame(j + 1, n, &row.frame, Some(row));
-        }
-        robot.push_frame(n + 1, n, &file.tool, None);
-        robot
-    }
-
-    fn push_frame(&mut self, number: usize, n: usize, row: &FrameRow, joint: Option<&JointRow>) {
-        let kk = self.convention == Convention::KhalilKleinfinger;
-        let joint_kind = joint.map_or(JointKind::Fixed, |row| row.kind);
-        let base = kk && number == 0;
-        let parallel = row.alpha.sin().abs() < PARALLEL && row.beta.sin().abs() < PARALLEL;
-        let model = Model {
-            convention: self.convention,
-            base,
-            beta: !base && (parallel || row.beta != 0.0),
-            joint: joint_kind,
-        };
-        let start = self.parameters.len();
-        for kind in model.kinds() {
-            let nominal = match kind {
-                ParameterKind::Alpha => row.alpha,
-                ParameterKind::Theta => row.theta,
-                ParameterKind::Beta => row.beta,
-                ParameterKind::Gain => joint.map_or(1.0, |row| row.gain),
-                ParameterKind::LengthX => {
-                    if kk {
-                        row.d
-                    } else {
-                        row.a
-                    }
-                }
-                ParameterKind::LengthZ => {
-                    if kk {
-                        row.r
-                    } else {
-                        row.d
-                    }
-                }
-            };
-            let letter = match kind {
-                ParameterKind::Alpha => "alpha",
-                ParameterKind::Theta => "theta",
-                ParameterKind::Beta => "beta",
-                ParameterKind::Gain => "K",
-                ParameterKind::LengthX => {
-                    if kk {
-                        "d"
-                    } else {
-                        "a"
-                    }
-                }
-                ParameterKind::LengthZ => {
-                    if kk {
-                        "r"
-                    } else {
-                        "d"
-                    }
-                }
-            };
-            let name = match number {
-                0 if !kk => format!("base_{letter}"),
-                _ if !kk && number == n + 1 => format!("tool_{letter}"),
-                _ => format!("{letter}{number}"),
-            };
-            self.parameters.push(Parameter {
-                name,
-                kind,
-                frame: number,
-                nominal,
-            });
-        }
-        let mut frame = Frame {
-            parameters: start..self.parameters.len(),
-            joint: None,
-            model,
-        };
-        if let Some(row) = joint.filter(|_| joint_kind != JointKind::Fixed) {
-            let kind = if joint_kind == JointKind::Revolute {
-                ParameterKind::Theta
-            } else {
-                ParameterKind::LengthZ
-            };
-            if let (Some(offset), Some(gain)) =
-                (frame.position(kind), frame.position(ParameterKind::Gain))
-            {
-                frame.joint = Some(self.joints.len());
-                self.joints.push(Joint {
-                    name: row.name.clone(),
-                    kind: joint_kind,
-                    limits: row.limits,
-                    value: row.value,
-                    offset_parameter: offset,
-                    gain_parameter: gain,
-                });
-            }
-        }
-        self.frames.push(frame);
-    }
-
     /// The name in its file.
     pub fn name(&self) -> &str {
         &self.name
@@ -333,9 +133,108 @@ impl Robot {
         &self.frames
     }
 
-    /// The moving joints, in order.
+    /// The joints that have readings of their own, in order.
     pub fn joints(&self) -> &[Joint] {
         &self.joints
+    }
+
+    /// Further columns of the data that joints are a function of.
+    pub fn columns(&self) -> &[InputColumn] {
+        &self.columns
+    }
+
+    /// How many frames move.
+    pub fn motions(&self) -> usize {
+        self.frames.iter().filter(|f| f.motion.is_some()).count()
+    }
+
+    /// Numbers that a row is given with: readings, then columns.
+    pub fn given(&self) -> usize {
+        self.joints.len() + self.columns.len()
+    }
+
+    /// A row with what is derived from it behind, with the nominal parameters: the arms and torques of gravity. A row
+    /// that has it stays as it is; of columns of which only the sign counts it is made ±1.
+    pub fn complete<'r>(&self, row: &'r [f64]) -> Cow<'r, [f64]> {
+        let wanted = self.given() + self.derived.len();
+        let further = row.iter().skip(self.joints.len()).zip(&self.columns);
+        let mut rough = further.filter(|(x, column)| column.sign && ![-1.0, 0.0, 1.0].contains(*x));
+        if row.len() == wanted && rough.next().is_none() {
+            return Cow::Borrowed(row);
+        }
+        let mut row = row.to_vec();
+        for (column, x) in self.columns.iter().zip(&mut row[self.joints.len()..]) {
+            if column.sign && *x != 0.0 {
+                *x = x.signum();
+            }
+        }
+        if row.len() < wanted {
+            row.resize(wanted, 0.0);
+            let derived = self.derive(&row);
+            row[self.given()..].copy_from_slice(&derived);
+        }
+        Cow::Owned(row)
+    }
+
+    /// What is derived from a row, in which it is still zero.
+    fn derive(&self, row: &[f64]) -> Vec<f64> {
+        let nominal = self.nominal();
+        let mut poses = Vec::new();
+        let mut motions = Vec::new();
+        let mut pose = Pose::<f64>::identity();
+        let mut local = super::frame::LocalFrame::default();
+        for frame in &self.frames {
+            let own = &nominal[frame.own_parameters()];
+            let place = frame.differentiate(own, frame.displacement(&nominal, row), &mut local);
+            motions.push(twist_in_reference(&pose, &local.twists[place]));
+            pose = pose.compose(&local.pose);
+            poses.push(pose);
+        }
+        let g = Vector3::from(self.file.gravity);
+        let down = g.try_normalize(0.0).unwrap_or_default();
+        let one = |derived: &Derived| match *derived {
+            Derived::GravityArm(joint, frame) => {
+                down.dot(&motions[joint].at(&poses[frame].translation))
+            }
+            Derived::GravityTorque(joint) => {
+                self.gravity_torque(joint, &g, &motions[joint], &poses)
+            }
+        };
+        self.derived.iter().map(one).collect()
+    }
+
+    /// Σ m g · v over the masses from a joint on, v the velocity of their centres as the joint moves.
+    fn gravity_torque(
+        &self,
+        joint: usize,
+        g: &Vector3<f64>,
+        motion: &Twist,
+        poses: &[Pose<f64>],
+    ) -> f64 {
+        let joints = self.file.joints.iter().map(|joint| joint.mass);
+        let masses = joints.chain([self.file.tool_mass]).enumerate();
+        let beyond = masses.filter(|(k, _)| k + 1 >= joint);
+        beyond
+            .filter_map(|(k, mass)| Some((k + 1, mass?)))
+            .map(|(frame, mass)| {
+                let center = poses[frame].apply(&Vector3::from(mass.center));
+                mass.mass * g.dot(&motion.at(&center))
+            })
+            .sum()
+    }
+
+    /// The slopes of all displacements by the readings, one after another for each moving frame.
+    pub fn slopes(&self, parameters: &[f64], row: &[f64]) -> Vec<f64> {
+        let row = self.complete(row);
+        let readings = self.joints.len();
+        let mut slopes = vec![0.0; self.motions() * readings];
+        for motion in self.frames.iter().filter_map(|frame| frame.motion.as_ref()) {
+            let first = motion.number * readings;
+            motion.by_readings(parameters, &row, readings, |reading, slope| {
+                slopes[first + reading] += slope;
+            });
+        }
+        slopes
     }
 
     /// All parameters.
@@ -353,14 +252,13 @@ impl Robot {
         self.parameters.iter().position(|p| p.name == name)
     }
 
-    /// base_from_tool at the joint values `q`, over any scalar.
-    pub fn forward<T: Scalar>(&self, parameters: &[T], q: &[f64]) -> Pose<T> {
+    /// base_from_tool at a row of joint values, over any scalar.
+    pub fn forward<T: Scalar>(&self, parameters: &[T], row: &[f64]) -> Pose<T> {
+        let row = self.complete(row);
         let mut pose: Option<Pose<T>> = None;
         for frame in &self.frames {
-            let local = frame.transform(
-                &parameters[frame.parameters.clone()],
-                frame.joint.map_or(0.0, |j| q[j]),
-            );
+            let displacement = frame.displacement(parameters, &row);
+            let local = frame.transform(&parameters[frame.own_parameters()], displacement);
             pose = Some(match pose {
                 None => local,
                 Some(pose) => pose.compose(&local),
@@ -374,7 +272,8 @@ impl Robot {
     pub fn base_parameters(&self) -> Vec<usize> {
         (0..self.parameters.len())
             .filter(|k| {
-                self.khalil_frame(*k).1 <= 1 && self.parameters[*k].kind != ParameterKind::Gain
+                let (kind, frame) = self.khalil_frame(*k);
+                frame <= 1 && !matches!(kind, ParameterKind::Gain | ParameterKind::Model)
             })
             .collect()
     }
@@ -395,7 +294,8 @@ impl Robot {
             p.kind,
             ParameterKind::Alpha | ParameterKind::LengthX | ParameterKind::Beta
         );
-        let shift = usize::from(self.convention == Convention::DenavitHartenberg && before);
+        let convention = self.frames[p.frame].convention();
+        let shift = usize::from(convention == Some(Convention::DenavitHartenberg) && before);
         (p.kind, p.frame + shift)
     }
 
@@ -405,7 +305,7 @@ impl Robot {
     /// then rₙ, then the rest of the tool: what a controller can easily be told comes before what
     /// merely places the robot or its tool.
     pub fn preference(&self, parameter: usize) -> (u8, usize) {
-        use ParameterKind::{Alpha, Beta, Gain, LengthX, LengthZ, Theta};
+        use ParameterKind::{Alpha, Beta, Custom, Gain, LengthX, LengthZ, Model, Small, Theta};
         let n = self.frames.len() - 2;
         let (kind, frame) = self.khalil_frame(parameter);
         let within = match kind {
@@ -415,10 +315,14 @@ impl Robot {
             Beta => 3,
             LengthZ => 4,
             Gain => 5,
+            Small(k) => usize::from(k),
+            Custom | Model => 7,
         };
         match (kind, frame) {
             // A gain's column follows θ's where a joint hardly moves: after all links.
             (Gain, _) => (1, frame),
+            // What a joint does beside turning follows what its frame does: after all of these.
+            (Model, _) => (1, self.frames.len() + parameter),
             (_, f) if f > n + 1 => (7, within),
             (LengthX, f) if f == n + 1 => (3, 0),
             (LengthZ, f) if f == n + 1 => (6, 0),
@@ -458,30 +362,54 @@ impl Robot {
 
     /// The robot's file with other parameter values: everything else stays as it was read.
     pub fn with_parameters(&self, values: &[f64]) -> RobotFile {
-        let kk = self.convention == Convention::KhalilKleinfinger;
         let mut file = self.file.clone();
         let n = file.joints.len();
-        for (parameter, value) in self.parameters.iter().zip(values) {
-            let mut gain = 1.0;
-            let (row, gain) = match parameter.frame {
-                0 => (&mut file.base, &mut gain),
-                f if f == n + 1 => (&mut file.tool, &mut gain),
-                f => {
-                    let joint = &mut file.joints[f - 1];
-                    (&mut joint.frame, &mut joint.gain)
+        for (number, frame) in self.frames.iter().enumerate() {
+            let own = &values[frame.own_parameters()];
+            if let Some((_, custom)) = file.custom.iter_mut().find(|(k, _)| *k == number) {
+                custom.values.copy_from_slice(own);
+            } else {
+                let row = match number {
+                    0 => &mut file.base,
+                    k if k == n + 1 => &mut file.tool,
+                    k => &mut file.joints[k - 1].frame,
+                };
+                for (k, value) in frame.own_parameters().zip(own) {
+                    let kk = frame.convention() != Some(Convention::DenavitHartenberg);
+                    if let Some(key) = key_of(self.parameters[k].kind, kk) {
+                        *row.get_mut(key) = *value;
+                    }
                 }
+            }
+            let (Some(motion), Some(joint)) =
+                (&frame.motion, file.joints.get_mut(number.wrapping_sub(1)))
+            else {
+                continue;
             };
-            match parameter.kind {
-                ParameterKind::Alpha => row.alpha = *value,
-                ParameterKind::Theta => row.theta = *value,
-                ParameterKind::Beta => row.beta = *value,
-                ParameterKind::LengthX if kk => row.d = *value,
-                ParameterKind::LengthX => row.a = *value,
-                ParameterKind::LengthZ if kk => row.r = *value,
-                ParameterKind::LengthZ => row.d = *value,
-                ParameterKind::Gain => *gain = *value,
+            if let Some(gain) = motion.gain {
+                joint.gain = Some(values[gain]);
+            }
+            for (term, model) in motion.terms.iter().zip(&mut joint.models) {
+                model
+                    .values
+                    .copy_from_slice(&values[term.parameters.clone()]);
             }
         }
         file
     }
+}
+
+/// The key of a frame's parameter in its table.
+fn key_of(kind: ParameterKind, kk: bool) -> Option<Key> {
+    Some(match kind {
+        ParameterKind::Alpha => Key::Alpha,
+        ParameterKind::Theta => Key::Theta,
+        ParameterKind::Beta => Key::Beta,
+        ParameterKind::LengthX if kk => Key::D,
+        ParameterKind::LengthX => Key::A,
+        ParameterKind::LengthZ if kk => Key::R,
+        ParameterKind::LengthZ => Key::D,
+        ParameterKind::Small(k) => Key::SMALL[usize::from(k)],
+        ParameterKind::Gain | ParameterKind::Custom | ParameterKind::Model => return None,
+    })
 }

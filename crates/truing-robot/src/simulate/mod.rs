@@ -4,5 +4,5 @@ mod scenario;
 mod simulated;
 
 pub(crate) use scenario::{noise, template};
-pub use scenario::{perturbed, simulate};
+pub use scenario::{perturbed, simulate, simulate_with};
 pub use simulated::Simulated;

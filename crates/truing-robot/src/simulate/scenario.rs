@@ -7,6 +7,7 @@ use crate::load::{Names, in_unit_of, read_arms};
 use crate::measurement::{
     Groups, Kind, MeasurementSet, Placed, Places, Rows, Sampling, SceneGroups, TargetKind, sample,
 };
+use crate::plugin::Registry;
 use crate::robot::{Arm, Robot, Unit};
 use crate::text::{InputError, Source};
 use crate::unknown::{Key, State, Value};
@@ -37,6 +38,8 @@ pub fn perturbed(
             Unit::Radian => errors.angle,
             Unit::Meter => errors.length,
             Unit::One => errors.gain,
+            // Of models: errors of their size are given by name.
+            Unit::Other(_) => 0.0,
         };
         if chosen(k) {
             values[k] += size * draw;
@@ -50,7 +53,19 @@ pub fn perturbed(
 /// # Errors
 /// Whatever is wrong with a file, or a plane, point or distance that is out of reach.
 pub fn simulate(file: &SimulationFile, seed: Option<u64>) -> Result<Simulated, Error> {
-    let arms = read_arms(&file.robots, &file.source)?;
+    simulate_with(file, seed, &Registry::default())
+}
+
+/// The same for a file whose robots may be of models that plugins bring.
+///
+/// # Errors
+/// As [`simulate`].
+pub fn simulate_with(
+    file: &SimulationFile,
+    seed: Option<u64>,
+    registry: &Registry,
+) -> Result<Simulated, Error> {
+    let arms = read_arms(&file.robots, &file.source, registry.models())?;
     let seed = seed.unwrap_or(file.seed);
     let mut truth = State::of(true_robots(file, &arms, seed)?);
     let (mut sets, mut files) = (Vec::new(), Vec::new());

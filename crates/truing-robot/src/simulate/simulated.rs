@@ -1,6 +1,6 @@
 //! Simulated data as files.
 
-use crate::measurement::MeasurementSet;
+use crate::measurement::{MeasurementSet, Tool};
 use crate::robot::{Arm, RobotFile};
 use crate::unknown::State;
 use std::fmt::Write;
@@ -31,16 +31,12 @@ impl Simulated {
     /// Set number `k` as CSV: joint columns, what was measured, groups; metres and radians.
     pub fn csv(&self, k: usize) -> String {
         let set = &self.sets[k];
-        let joints = |robot: usize| {
-            self.arms[robot]
-                .robot
-                .joints()
-                .iter()
-                .map(|j| j.name.clone())
-        };
         let prefixed = |robot: usize, suffix: &str| -> Vec<String> {
-            let arm = &self.arms[robot].name;
-            joints(robot)
+            let (arm, robot) = (&self.arms[robot].name, &self.arms[robot].robot);
+            let joints = robot.joints().iter().map(|joint| &joint.name);
+            let columns = robot.columns().iter().map(|column| &column.name);
+            joints
+                .chain(columns)
                 .map(|name| {
                     if arm.is_empty() {
                         format!("{name}{suffix}")
@@ -61,8 +57,12 @@ impl Simulated {
         header.extend(columns.chain(grouping).map(str::to_owned));
         let mut text = header.join(",") + "\n";
         for row in 0..set.len() {
-            let postures = set.tools.iter().flat_map(|tool| &tool.q[row]);
-            let numbers = postures.chain(set.values.row(row));
+            let given = |tool: &Tool| {
+                let given = self.arms[tool.robot].robot.given();
+                tool.q[row][..given].to_vec()
+            };
+            let postures: Vec<f64> = set.tools.iter().flat_map(given).collect();
+            let numbers = postures.iter().chain(set.values.row(row));
             let mut cells: Vec<String> = numbers.map(f64::to_string).collect();
             if grouping.is_some() {
                 cells.push(set.groups.names[set.groups.of_row[row]].clone());

@@ -188,7 +188,7 @@ fn parameters(study: &Study, truth: &State, estimated: &Estimated) -> (f64, f64)
         match study.arms[*robot].robot.parameters()[*parameter].unit() {
             Unit::Radian => angles.push((off + PI).rem_euclid(TAU) - PI),
             Unit::Meter => lengths.push(off),
-            Unit::One => {}
+            Unit::One | Unit::Other(_) => {}
         }
     }
     (

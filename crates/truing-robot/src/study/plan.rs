@@ -25,7 +25,7 @@ pub const NOISE: f64 = 50.0;
 /// # Errors
 /// Whatever is wrong with a file, or too little is measured in a case to estimate from.
 pub fn load_study(file: &StudyFile, registry: &Registry) -> Result<Study, Error> {
-    let arms = read_arms(&file.robots, &file.source)?;
+    let arms = read_arms(&file.robots, &file.source, registry.models())?;
     let mut methods = Vec::new();
     for spec in &file.methods {
         methods.push(Method {

@@ -12,6 +12,8 @@ use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use truing_planar::Planar;
+use truing_robot::Registry;
 use truing_robot::file::{CalibrationFile, SimulationFile, StudyFile};
 use truing_robot::robot::RobotFile;
 
@@ -254,16 +256,17 @@ fn every_output_is_that_of_its_command() {
 
 #[test]
 fn every_file_that_is_shown_can_be_read() {
+    let registry = Registry::with(&[&Planar]);
     for path in files_in(&source().join("files"), "toml") {
         let name = path.file_stem().unwrap().to_string_lossy().into_owned();
         let read = match name.split('-').next().unwrap() {
             "robot" => RobotFile::read(&path).map(drop),
-            "calibration" => CalibrationFile::read(&path).map(drop),
+            "calibration" => CalibrationFile::read_with(&path, &registry).map(drop),
             "simulation" => SimulationFile::read(&path).map(drop),
-            "study" => StudyFile::read(&path).map(drop),
+            "study" => StudyFile::read_with(&path, &registry).map(drop),
             // Wrong on purpose: its message is shown.
             "misspelt" => {
-                assert!(CalibrationFile::read(&path).is_err());
+                assert!(CalibrationFile::read_with(&path, &registry).is_err());
                 Ok(())
             }
             other => panic!("what is {other}?"),

@@ -41,9 +41,11 @@ pub(super) fn sigma(
             "found a table; expected {first}: measurements of kind {} have no rotation",
             kind.name()
         );
-        return Err(item
-            .error(message)
-            .with_help("write one standard deviation, like sigma = \"0.1 mm\""));
+        return Err(item.error(message).with_help(match first {
+            Dimension::Length => "write one length, like sigma = \"0.1 mm\"",
+            Dimension::Angle => "write one angle, like sigma = \"0.1 mrad\"",
+            Dimension::None => "write one number, like sigma = 0.5",
+        }));
     }
     let mut table = item.table()?;
     let mut sigma = Vec::new();

@@ -1,5 +1,6 @@
 //! Registering sensor frames together with the tool points that the sensor sees.
 
+use super::hand_eye::{Pair, body_seen, hand_eye, sensor_of};
 use crate::measurement::fit::{mean, rigid_registration};
 use crate::measurement::{At, MeasurementSet, Seen, TargetKind};
 use crate::robot::Arm;
@@ -14,6 +15,8 @@ type Targets = BTreeMap<(usize, String), Vector3<f64>>;
 /// One reading of a sensor: what it saw, with the tool pose of the nominal robot.
 struct Reading {
     seen: Vector3<f64>,
+    /// The orientation too, of a body whose pose was read.
+    pose: Option<Pose<f64>>,
     tool: Pose<f64>,
     target: Option<(usize, String)>,
 }
@@ -29,13 +32,14 @@ fn readings(arms: &[Arm], sets: &[&MeasurementSet], state: &State) -> Vec<Readin
         let robot = set.tool().robot;
         let target = set.tool().target.clone().map(|name| (robot, name));
         for row in 0..set.len() {
-            let seen = match set.kind.seen(at.values(row)) {
-                Some(Seen::Position(seen)) => seen,
-                Some(Seen::Pose(pose)) => pose.translation,
+            let (seen, pose) = match set.kind.seen(at.values(row)) {
+                Some(Seen::Position(seen)) => (seen, None),
+                Some(Seen::Pose(pose)) => (pose.translation, Some(pose)),
                 None => continue,
             };
             all.push(Reading {
                 seen,
+                pose,
                 tool: at.flange(0, row),
                 target: target.clone(),
             });
@@ -52,6 +56,9 @@ fn readings(arms: &[Arm], sets: &[&MeasurementSet], state: &State) -> Vec<Readin
 /// as the first guess of the points; whichever fits better is taken.
 pub fn register(arms: &[Arm], sets: &[&MeasurementSet], name: &str, state: &mut State) {
     let readings = readings(arms, sets, state);
+    if register_bodies(&readings, sets, name, state) {
+        return;
+    }
     let named: BTreeSet<(usize, String)> =
         readings.iter().filter_map(|r| r.target.clone()).collect();
     let mut given = Targets::new();
@@ -107,6 +114,65 @@ pub fn register(arms: &[Arm], sets: &[&MeasurementSet], name: &str, state: &mut 
             state.set_target(*robot, name, targets[&(*robot, name.clone())]);
         }
     }
+}
+
+/// The readings of a target's pose beside the poses of the tool.
+fn pairs(readings: &[Reading], key: &(usize, String)) -> Vec<Pair> {
+    let own = readings.iter().filter(|r| r.target.as_ref() == Some(key));
+    own.filter_map(|r| Some((r.tool, r.pose?))).collect()
+}
+
+/// Registers a sensor frame by the bodies whose poses it sees, if there are any, and the bodies that are not known
+/// yet; tool points follow once the frame is known.
+///
+/// Each body alone would give the frame, by the closed form of A X = S B (or by the mean, if the body is known);
+/// the one that all bodies then fit best is taken. Where tools turn about one axis only a body is taken for
+/// the tool itself: what that leaves undetermined is decided upon later.
+fn register_bodies(
+    readings: &[Reading],
+    sets: &[&MeasurementSet],
+    name: &str,
+    state: &mut State,
+) -> bool {
+    let bodies: BTreeSet<(usize, String)> = sets
+        .iter()
+        .filter(|set| set.kind.targets() == TargetKind::Body)
+        .flat_map(|set| set.targets())
+        .collect();
+    let mut best: Option<(f64, Pose<f64>, Vec<Pose<f64>>)> = None;
+    for (robot, body) in &bodies {
+        let own = pairs(readings, &(*robot, body.clone()));
+        let sensor = match state.body(*robot, body) {
+            Some(known) => sensor_of(&known, &own),
+            None => match hand_eye(&own) {
+                Some((sensor, _)) => sensor,
+                None => sensor_of(&Pose::identity(), &own),
+            },
+        };
+        let mut error = 0.0;
+        let mut mounted = Vec::new();
+        for (robot, body) in &bodies {
+            let all = pairs(readings, &(*robot, body.clone()));
+            let known = state.body(*robot, body);
+            let x = known.unwrap_or_else(|| body_seen(&sensor, &all));
+            for (a, b) in &all {
+                let (placed, seen) = (a.compose(&x), sensor.compose(b));
+                error += (placed.translation - seen.translation).norm_squared();
+            }
+            mounted.push(x);
+        }
+        if best.as_ref().is_none_or(|(least, ..)| error < *least) {
+            best = Some((error, sensor, mounted));
+        }
+    }
+    let Some((_, sensor, mounted)) = best else {
+        return false;
+    };
+    state.set_frame(name, sensor);
+    for ((robot, body), x) in bodies.into_iter().zip(mounted) {
+        state.set(Key::Target(robot, body), Value::of::<Pose3>(x));
+    }
+    true
 }
 
 /// The tool points from the linear system A·seen + s − R·t = O, if it determines them.
@@ -175,7 +241,7 @@ pub fn locate_target(arms: &[Arm], sets: &[MeasurementSet], key: &Key, state: &S
     let names = |set: &&MeasurementSet| {
         set.tool().robot == *robot && set.tool().target.as_ref() == Some(name)
     };
-    let mut local = Vec::new();
+    let (mut local, mut poses) = (Vec::new(), Vec::new());
     let mut body = false;
     for set in sets.iter().filter(names) {
         body |= set.kind.targets() == TargetKind::Body;
@@ -187,15 +253,12 @@ pub fn locate_target(arms: &[Arm], sets: &[MeasurementSet], key: &Key, state: &S
         let sensor = at.sensor();
         for r in readings(arms, &[set], state) {
             local.push(r.tool.inverse().apply(&sensor.apply(&r.seen)));
+            poses.extend(r.pose.map(|pose| (r.tool, sensor.compose(&pose))));
         }
     }
-    let point = mean(&local);
     if body {
-        Value::of::<Pose3>(Pose {
-            translation: point,
-            ..Pose::identity()
-        })
+        Value::of::<Pose3>(body_seen(&Pose::identity(), &poses))
     } else {
-        Value::of::<Point3>(point)
+        Value::of::<Point3>(mean(&local))
     }
 }

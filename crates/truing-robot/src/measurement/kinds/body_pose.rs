@@ -1,11 +1,19 @@
-//! The pose of a body that is mounted on the tool.
+//! The pose of a body that is mounted on the tool, measured by a sensor.
 
 use crate::robot::Chain;
+use crate::robot::chain::{reference_or_regressor, regressor_at, seen_by, write_block};
 use std::sync::Arc;
 use truing::manifold::{Pose, Pose3, Vector, so3};
-use truing::{Constraint, Scalar, Views};
+use truing::nalgebra::{Matrix3, SMatrix};
+use truing::{Constraint, Dual, Jacobian, Point, Scalar, Views, autodiff};
 
-/// The pose of a body on the tool in a sensor's frame.
+/// The pose of a body on the tool in a sensor's frame: with E = S⁻¹ · base_from_tool · X, position rows
+/// E's translation − measured \[m\], rotation rows log(R_measuredᵀ · R_E) \[rad\].
+///
+/// Variables: robot parameters, the sensor's pose S in the reference frame, the body's pose X in the tool
+/// frame. Six rows. With the robot known this is robot–world and hand–eye calibration, A X = S B: a camera on the
+/// tool that sees a board, or one in the room that sees a board on the tool, is the same equation with
+/// sensor and body named the other way round.
 #[derive(Clone)]
 pub struct BodyPose {
     /// The robot.
@@ -21,14 +29,54 @@ impl Constraint for BodyPose {
     const DIM: usize = 6;
 
     fn residual<T: Scalar>(&self, (robot, sensor, body): Views<'_, Self, T>, r: &mut [T]) {
-        let seen = self.chain.robot.forward(robot, &self.q).compose(&body);
+        let placed = self.chain.robot.forward(robot, &self.q).compose(&body);
         let away = sensor.rotation.transpose();
-        let position = away * (seen.translation - sensor.translation);
+        let seen = away * (placed.translation - sensor.translation);
         let from_sensor = self.measured.rotation.transpose().map(T::from);
-        let log = so3::log_matrix(&(from_sensor * (away * seen.rotation)));
+        let log = so3::log_matrix(&(from_sensor * (away * placed.rotation)));
         for i in 0..3 {
-            r[i] = position[i] - self.measured.translation[i];
+            r[i] = seen[i] - self.measured.translation[i];
             r[i + 3] = log[i];
         }
+    }
+
+    /// As for [`MeasuredPose`](super::MeasuredPose); a turn ω of the body on its own side takes the error E to
+    /// E·exp(ω) = exp(E ω)·E.
+    fn linearize(&self, at: &mut Point<'_, Self::Vars>, r: &mut [f64], j: &mut Jacobian<'_>) {
+        let Some(source) = reference_or_regressor(self, &self.chain, at, r, j) else {
+            return;
+        };
+        let (parameters, sensor, body) = at.views();
+        let regressor = regressor_at(at, source, &self.chain, parameters, &self.q);
+        let tip = regressor.tool.apply(&body.translation);
+        let (seen, by_tip, by_sensor) = seen_by(&sensor, &tip);
+        let from_sensor = self.measured.rotation.transpose();
+        let from_base = from_sensor * sensor.rotation.transpose();
+        let error = from_base * (regressor.tool.rotation * body.rotation);
+        let (log, by_turn): ([f64; 3], Matrix3<f64>) = autodiff::small(&[0.0; 3], |u, out| {
+            let turned = so3::exp_matrix(u) * error.map(Dual::from);
+            out.copy_from_slice(so3::log_matrix(&turned).as_slice());
+        });
+        r[..3].copy_from_slice((seen - self.measured.translation).as_slice());
+        r[3..].copy_from_slice(&log);
+        let by_tool_turn = by_turn * from_base;
+        for (column, twist) in j.block_mut(0).chunks_exact_mut(6).zip(&regressor.twists) {
+            column[..3].copy_from_slice((by_tip * twist.at(&tip)).as_slice());
+            column[3..].copy_from_slice((by_tool_turn * twist.angular).as_slice());
+        }
+        let mut sensor_columns = SMatrix::<f64, 6, 6>::zeros();
+        sensor_columns.fixed_rows_mut::<3>(0).copy_from(&by_sensor);
+        sensor_columns
+            .fixed_view_mut::<3, 3>(3, 3)
+            .copy_from(&-(by_turn * from_sensor));
+        write_block(j, 1, &sensor_columns);
+        let mut body_columns = SMatrix::<f64, 6, 6>::zeros();
+        body_columns
+            .fixed_view_mut::<3, 3>(0, 0)
+            .copy_from(&(by_tip * regressor.tool.rotation));
+        body_columns
+            .fixed_view_mut::<3, 3>(3, 3)
+            .copy_from(&(by_turn * error));
+        write_block(j, 2, &body_columns);
     }
 }

@@ -177,7 +177,13 @@ impl Kind for KnownPlaneTouches {
         table: &mut Section<'_>,
         units: &Units,
     ) -> Result<Option<Arc<dyn Kind>>, InputError> {
-        let item = table.require("plane", &format!("expected {PLANE_FORMS}"))?;
+        let item = table.require("plane", &format!("expected {PLANE_FORMS}"));
+        let item = item.map_err(|error| match error.help.as_deref() {
+            Some(help) if help.starts_with("add") => {
+                error.with_help("add plane = { normal = [0, 0, 1], distance = 0.4 }")
+            }
+            _ => error,
+        })?;
         Ok(Some(Arc::new(Self {
             plane: item.plane(units)?,
             ..*self

@@ -2,7 +2,8 @@
 
 use crate::args::Calibrate;
 use crate::failure::{Failure, Files};
-use crate::{Ending, Streams, interrupt, output, report, show};
+use crate::streams::{Ending, Streams};
+use crate::{interrupt, output, report, show};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::path::PathBuf;
 use std::sync::Arc;

@@ -2,8 +2,8 @@
 
 use crate::args::Check;
 use crate::failure::Failure;
+use crate::streams::{Ending, Streams};
 use crate::words::{lines, number, table};
-use crate::{Ending, Streams};
 use std::fmt::Write;
 use truing_robot::check::{SetCheck, Way};
 use truing_robot::file::CalibrationFile;

@@ -2,7 +2,8 @@
 
 use crate::args::Identify;
 use crate::failure::Failure;
-use crate::{Ending, Streams, show_identify};
+use crate::show_identify;
+use crate::streams::{Ending, Streams};
 use std::path::Path;
 use std::sync::Arc;
 use truing::manifold::Plane;

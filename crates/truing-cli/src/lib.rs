@@ -16,6 +16,7 @@ mod show;
 mod show_identify;
 mod show_statistics;
 mod simulate;
+mod streams;
 mod study;
 mod words;
 
@@ -23,51 +24,25 @@ use args::{Arguments, Command};
 use clap::Parser;
 use failure::Failure;
 use std::ffi::OsString;
-use std::io::{IsTerminal, Write};
+use std::io::IsTerminal;
 use std::process::ExitCode;
+use streams::{Ending, Streams};
 use truing_robot::{Plugin, Registry};
 
-/// How a command ended that ran to its end.
-pub(crate) enum Ending {
-    /// Converged, or agrees: exit status 0.
-    Good,
-    /// Did not converge, must not be trusted or does not agree: exit status 1.
-    Untrusted,
-    /// Stopped before its end: exit status 1.
-    Stopped,
-}
-
-/// Where output goes (data to standard output, words to standard output or, beside JSON, to standard error),
-/// and what files can name.
-pub(crate) struct Streams {
-    json: bool,
-    registry: Registry,
-}
-
-impl Streams {
-    /// Words for people.
-    pub fn say(&self, text: &str) {
-        // A reader that hung up (`truing … | head`) is no failure.
-        let _ = if self.json {
-            std::io::stderr().write_all(text.as_bytes())
-        } else {
-            std::io::stdout().write_all(text.as_bytes())
-        };
-    }
-
-    /// Data for machines.
-    pub fn print(&self, text: &str) {
-        let _ = std::io::stdout().write_all(text.as_bytes());
-    }
-}
-
-/// The program with its own plugin and yours: all that a `main` of anyone's needs.
+/// The program with plugins: all that a `main` of anyone's needs.
+///
+/// Nothing is added to the plugins given: what comes first is found first.
 ///
 /// ```no_run
 /// use std::process::ExitCode;
+/// use truing_robot::Plugin;
+///
+/// struct Mine;
+///
+/// impl Plugin for Mine {}
 ///
 /// fn main() -> ExitCode {
-///     truing_cli::main_with(&[&truing_planar::Planar])
+///     truing_cli::main_with(&[&Mine])
 /// }
 /// ```
 pub fn main_with(plugins: &[&dyn Plugin]) -> ExitCode {

@@ -2,7 +2,8 @@
 
 use crate::args::Simulate;
 use crate::failure::{Failure, Files};
-use crate::{Ending, Streams, output};
+use crate::output;
+use crate::streams::{Ending, Streams};
 use std::path::PathBuf;
 use truing_robot::file::SimulationFile;
 use truing_robot::simulate::{Simulated, simulate_with};

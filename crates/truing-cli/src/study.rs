@@ -2,8 +2,9 @@
 
 use crate::args::Study as Arguments;
 use crate::failure::{Failure, Files};
+use crate::streams::{Ending, Streams};
 use crate::words::{lines, number, table};
-use crate::{Ending, Streams, figure, interrupt, output};
+use crate::{figure, interrupt, output};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::fmt::Write;
 use std::path::PathBuf;

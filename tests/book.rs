@@ -17,21 +17,21 @@ use truing_robot::Registry;
 use truing_robot::file::{CalibrationFile, SimulationFile, StudyFile};
 use truing_robot::robot::RobotFile;
 
-#[path = "../examples/arc.rs"]
+#[path = "../crates/truing/examples/arc.rs"]
 mod arc;
-#[path = "../examples/bounds.rs"]
+#[path = "../crates/truing/examples/bounds.rs"]
 mod bounds;
-#[path = "../examples/curve_fitting.rs"]
+#[path = "../crates/truing/examples/curve_fitting.rs"]
 mod curve_fitting;
 #[path = "../examples/custom_constraint.rs"]
 mod custom_constraint;
-#[path = "../examples/kinds.rs"]
+#[path = "../crates/truing-robot/examples/kinds.rs"]
 mod kinds;
-#[path = "../examples/lbfgs.rs"]
+#[path = "../crates/truing/examples/lbfgs.rs"]
 mod lbfgs;
 #[path = "../examples/mixed_constraints.rs"]
 mod mixed_constraints;
-#[path = "../examples/tool_uncertainty.rs"]
+#[path = "../crates/truing-robot/examples/tool_uncertainty.rs"]
 mod tool_uncertainty;
 
 fn top() -> PathBuf {
@@ -359,6 +359,8 @@ fn every_code_block_is_a_piece_of_a_file_that_the_tests_run() {
             let content =
                 fs::read_to_string(&path).unwrap_or_else(|error| panic!("{name}: {file}: {error}"));
             let run = [
+                "../../crates/truing/examples/",
+                "../../crates/truing-robot/examples/",
                 "../../examples/",
                 "../../examples/puma560/",
                 "../../examples/planar/",

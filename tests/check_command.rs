@@ -9,7 +9,7 @@ use truing_robot::robot::{DifferentiateChain, FrameWise, Regressor};
 
 #[path = "support/cell.rs"]
 mod cell;
-#[path = "support/puma.rs"]
+#[path = "../crates/truing-robot/tests/support/puma.rs"]
 mod puma;
 
 use cell::Cell;

@@ -8,29 +8,29 @@
 use approx::assert_abs_diff_eq;
 use truing_robot::identify::Status;
 
-#[path = "../examples/arc.rs"]
+#[path = "../crates/truing/examples/arc.rs"]
 mod arc;
-#[path = "../examples/bounds.rs"]
+#[path = "../crates/truing/examples/bounds.rs"]
 mod bounds;
-#[path = "../examples/curve_fitting.rs"]
+#[path = "../crates/truing/examples/curve_fitting.rs"]
 mod curve_fitting;
 #[path = "../examples/custom_constraint.rs"]
 mod custom_constraint;
-#[path = "../examples/hello_world.rs"]
+#[path = "../crates/truing/examples/hello_world.rs"]
 mod hello_world;
-#[path = "../examples/hello_world_analytic.rs"]
+#[path = "../crates/truing/examples/hello_world_analytic.rs"]
 mod hello_world_analytic;
-#[path = "../examples/hello_world_numeric.rs"]
+#[path = "../crates/truing/examples/hello_world_numeric.rs"]
 mod hello_world_numeric;
-#[path = "../examples/kinds.rs"]
+#[path = "../crates/truing-robot/examples/kinds.rs"]
 mod kinds;
-#[path = "../examples/lbfgs.rs"]
+#[path = "../crates/truing/examples/lbfgs.rs"]
 mod lbfgs;
 #[path = "../examples/mixed_constraints.rs"]
 mod mixed_constraints;
-#[path = "../examples/observers.rs"]
+#[path = "../crates/truing/examples/observers.rs"]
 mod observers;
-#[path = "../examples/tool_uncertainty.rs"]
+#[path = "../crates/truing-robot/examples/tool_uncertainty.rs"]
 mod tool_uncertainty;
 
 #[test]

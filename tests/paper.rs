@@ -11,7 +11,7 @@ use truing_robot::{Arm, Calibration, Outcome, Registry};
 
 #[path = "support/cell.rs"]
 mod cell;
-#[path = "support/puma.rs"]
+#[path = "../crates/truing-robot/tests/support/puma.rs"]
 mod puma;
 
 use cell::Cell;

@@ -334,7 +334,7 @@ fn what_is_written_calibrates_and_finds_the_truth() {
     assert_eq!(result["identifiable"], 45);
     let close = |what: &str, a: &serde_json::Value, b: &serde_json::Value| {
         let off = (a.as_f64().unwrap() - b.as_f64().unwrap()).abs();
-        // Written data have all their digits; see tests/recovery.rs for the tolerance.
+        // Written data have all their digits; see crates/truing-robot/tests/recovery.rs for the tolerance.
         assert!(off < 1e-9, "{what}: {a} and truly {b}");
     };
     for parameter in result["parameters"].as_array().unwrap() {

@@ -98,7 +98,7 @@ fn robots_that_are_a_little_off_come_back_every_time() {
     assert_eq!(result.rows.len(), 2 * 2 * 2);
     for row in &result.rows {
         assert_eq!((row.trials, row.recovered), (3, 3), "{row:?}");
-        // Without noise, what is estimated is the truth: see tests/recovery.rs for the tolerance.
+        // Without noise, what is estimated is the truth: see crates/truing-robot/tests/recovery.rs for the tolerance.
         assert!(row.final_tool_error.unwrap() < 1e-9, "{row:?}");
         assert!(row.angle_error.unwrap() < 1e-9 && row.length_error.unwrap() < 1e-9);
         assert!(row.jacobian_evaluations.unwrap() > 1.0);

@@ -1,6 +1,6 @@
 //! Robots that are far from their files are found, and what fits without being a robot is not.
 
-#[path = "support/puma.rs"]
+#[path = "../../truing-robot/tests/support/puma.rs"]
 mod puma;
 
 use puma::{Scene, What, puma, table};

@@ -213,21 +213,21 @@ impl Frame {
     ) -> usize {
         let (turns, adds_to) = self.moved();
         match &self.function {
-            FrameFunction::Base => differentiate::<2>(own, |p| khalil_kleinfinger_base(p), out),
+            FrameFunction::Base => differentiate::<2>(own, khalil_kleinfinger_base, out),
             FrameFunction::KhalilKleinfinger => {
                 let p = displaced(own, adds_to, displacement);
                 if own.len() == 5 {
-                    differentiate::<5>(&p, |p| khalil_kleinfinger(p), out);
+                    differentiate::<5>(&p, khalil_kleinfinger, out);
                 } else {
-                    differentiate::<4>(&p, |p| khalil_kleinfinger(p), out);
+                    differentiate::<4>(&p, khalil_kleinfinger, out);
                 }
             }
             FrameFunction::DenavitHartenberg => {
                 let p = displaced(own, adds_to, displacement);
                 if own.len() == 5 {
-                    differentiate::<5>(&p, |p| denavit_hartenberg(p), out);
+                    differentiate::<5>(&p, denavit_hartenberg, out);
                 } else {
-                    differentiate::<4>(&p, |p| denavit_hartenberg(p), out);
+                    differentiate::<4>(&p, denavit_hartenberg, out);
                 }
             }
             FrameFunction::General(frame) => {

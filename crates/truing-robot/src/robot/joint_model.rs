@@ -119,6 +119,9 @@ impl<M: JointModel> AnyJointModel for M {
     }
 }
 
+/// Makes a model from the words between its parentheses; none if they make no sense.
+type Make = dyn Fn(&[&str]) -> Option<Arc<dyn AnyJointModel>> + Send + Sync;
+
 /// A joint model that files can name: `model = ["gain", "eccentric"]`, or with words in parentheses.
 #[derive(Clone)]
 pub struct NamedJointModel {
@@ -126,7 +129,7 @@ pub struct NamedJointModel {
     pub name: &'static str,
     /// How it is written: `harmonics(2)`.
     pub example: &'static str,
-    make: Arc<dyn Fn(&[&str]) -> Option<Arc<dyn AnyJointModel>> + Send + Sync>,
+    make: Arc<Make>,
 }
 
 impl NamedJointModel {

@@ -139,7 +139,8 @@ impl Kind for Poses {
     fn check_row(&self, row: &mut [f64]) -> Result<bool, (String, String)> {
         let q = &mut row[3..];
         let length = q.iter().map(|c| c * c).sum::<f64>().sqrt();
-        if !((length - 1.0).abs() <= 0.01) {
+        let is_unit = (length - 1.0).abs() <= 0.01;
+        if !is_unit {
             let message = format!(
                 "the quaternion ({:.4}, {:.4}, {:.4}, {:.4}) has length {length:.4}; expected 1",
                 q[0], q[1], q[2], q[3]

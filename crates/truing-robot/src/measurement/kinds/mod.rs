@@ -1,5 +1,6 @@
 //! The kinds of measurement: one file a kind, with its equation, and one line of the list here.
 
+mod ball_bar;
 mod body_pose;
 mod distance;
 mod known_plane;
@@ -9,6 +10,7 @@ mod same_location;
 mod same_point;
 mod unknown_plane;
 
+pub use ball_bar::{AnchorLength, BallBar, ball_bar};
 pub use body_pose::BodyPose;
 pub use distance::{Distance, Distances, PostureDistance, distance, posture_distance};
 pub use known_plane::{KnownPlane, KnownPlaneTouches, known_plane};
@@ -31,5 +33,6 @@ pub fn built_in() -> Vec<Arc<dyn Kind>> {
         Arc::new(PointVisits),
         Arc::new(LocationVisits),
         Arc::new(Distances::default()),
+        Arc::new(BallBar::default()),
     ]
 }

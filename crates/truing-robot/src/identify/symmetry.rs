@@ -10,6 +10,7 @@ use super::twin::POSTURES;
 use crate::error::Error;
 use crate::measurement::MeasurementSet;
 use crate::model::{Assembly, Owner};
+use crate::robot::serial::MOTIONS;
 use crate::robot::{
     Arm, Derivatives, DifferentiateChain, FrameWise, Regressor, Robot, Twist, posture,
 };
@@ -85,7 +86,13 @@ pub fn symmetries(
         return Ok(Vec::new());
     }
     let motions = Derivatives::Regressor(Arc::new(Motions));
-    let assembly = Assembly::new(arms, sets, state, &motions)?;
+    // Kinds that are differentiated through the regressor see the motions there, others in the robot itself.
+    let moved = arms.iter().zip(&state.robots).map(|(arm, own)| Arm {
+        name: arm.name.clone(),
+        robot: arm.robot.moved_as_a_whole(own),
+    });
+    let moved: Vec<Arm> = moved.collect();
+    let assembly = Assembly::new(&moved, sets, state, &motions)?;
     let others: Vec<usize> = wanted
         .iter()
         .copied()
@@ -141,9 +148,6 @@ pub fn symmetries(
     }));
     Ok(found)
 }
-
-/// Three translations, three rotations about the origin, scale.
-const MOTIONS: usize = 7;
 
 /// In place of a robot's parameters, the motions of the robot as a whole: where a regressor has the
 /// twists of the first seven parameters, this has those of the motions, and zeros for the rest.

@@ -23,6 +23,7 @@ impl Robot {
             derived: Vec::new(),
             parameters: Vec::new(),
             file: file.clone(),
+            moved: None,
         };
         let n = file.joints.len();
         robot.name_inputs();

@@ -13,7 +13,7 @@ mod models;
 pub mod names;
 pub mod posture;
 mod regressor;
-mod serial;
+pub(crate) mod serial;
 mod table;
 mod table_reader;
 mod table_text;

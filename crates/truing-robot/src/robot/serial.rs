@@ -9,7 +9,7 @@ use super::unit::Unit;
 use std::borrow::Cow;
 use truing::Scalar;
 use truing::manifold::Pose;
-use truing::nalgebra::Vector3;
+use truing::nalgebra::{Matrix3, Vector3};
 
 /// What a parameter is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -115,7 +115,12 @@ pub struct Robot {
     pub(super) derived: Vec<Derived>,
     pub(super) parameters: Vec<Parameter>,
     pub(super) file: RobotFile,
+    /// Where parameters are the motions of the robot as a whole: its own ones.
+    pub(super) moved: Option<Vec<f64>>,
 }
+
+/// Three translations, three rotations about the origin, and growth: the motions of a robot as a whole.
+pub(crate) const MOTIONS: usize = 7;
 
 impl Robot {
     /// The name in its file.
@@ -254,6 +259,33 @@ impl Robot {
 
     /// base_from_tool at a row of joint values, over any scalar.
     pub fn forward<T: Scalar>(&self, parameters: &[T], row: &[f64]) -> Pose<T> {
+        let Some(own) = &self.moved else {
+            return self.through_frames(parameters, row);
+        };
+        let fixed: Vec<T> = own.iter().map(|p| T::from(*p)).collect();
+        let pose = self.through_frames(&fixed, row);
+        let [x, y, z, a, b, c, growth] = std::array::from_fn(|k| parameters[k] - own[k]);
+        let one = T::one();
+        // To first order, which is all that derivatives at the robot as it is see.
+        let turn = Matrix3::new(one, -c, b, c, one, -a, -b, a, one);
+        let place = pose.translation.map(|p| p * (growth + 1.0));
+        Pose {
+            rotation: turn * pose.rotation,
+            translation: turn * place + Vector3::new(x, y, z),
+        }
+    }
+
+    /// The same robot with, in place of its first parameters, its [`MOTIONS`] as a whole, from where it is with
+    /// `own` parameters: derivatives there, of whatever is written over [`forward`](Self::forward), are those by
+    /// the motions.
+    pub(crate) fn moved_as_a_whole(&self, own: &[f64]) -> Self {
+        Self {
+            moved: Some(own.to_vec()),
+            ..self.clone()
+        }
+    }
+
+    fn through_frames<T: Scalar>(&self, parameters: &[T], row: &[f64]) -> Pose<T> {
         let row = self.complete(row);
         let mut pose: Option<Pose<T>> = None;
         for frame in &self.frames {

@@ -128,7 +128,9 @@ fn trilaterate(points: &[Vector3<f64>], lengths: &[f64]) -> Vector3<f64> {
     }
     for _ in 0..10 {
         let off: Vec<Vector3<f64>> = centred.iter().map(|p| anchor - p).collect();
-        let by = DMatrix::from_fn(n, 3, |i, k| off[i][k] / off[i].norm().max(f64::MIN_POSITIVE));
+        let by = DMatrix::from_fn(n, 3, |i, k| {
+            off[i][k] / off[i].norm().max(f64::MIN_POSITIVE)
+        });
         let error = DVector::from_fn(n, |i, _| lengths[i] - off[i].norm());
         let svd = by.svd(true, true);
         let threshold = IN_SPACE * svd.singular_values.max();

@@ -90,8 +90,9 @@ pub struct Identify {
     /// Calibration file or robot file (TOML).
     pub file: PathBuf,
 
-    /// What would be measured: position, pose, known-plane, unknown-plane, same-point, same-location or
-    /// distance; once for each kind. Planes, points, locations and distances are drawn within reach.
+    /// What would be measured: position, pose, known-plane, unknown-plane, same-point, same-location,
+    /// distance, ball-bar or a plugin's; once for each kind. Planes, points, locations and distances are drawn within
+    /// reach.
     #[arg(long = "kind", value_name = "KIND", help_heading = ROBOT)]
     pub kinds: Vec<String>,
 

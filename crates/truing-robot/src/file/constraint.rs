@@ -288,7 +288,7 @@ mod tests {
             (
                 "position",
                 "group = 'a'",
-                "only `unknown-plane`, `same-point` or `same-location`",
+                "only `unknown-plane`, `same-point`, `same-location` or `ball-bar`",
             ),
             ("unknown-plane", "frame = 's'", "only `pose` or `position`"),
             ("pose", "targets = ['a', 'b']", "only `distance`"),

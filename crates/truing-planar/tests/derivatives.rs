@@ -17,7 +17,8 @@ use truing_planar::{
 };
 use truing_robot::Robot;
 use truing_robot::kinds::{
-    Distance, KnownPlane, MeasuredPose, Position, PostureDistance, SamePoint, UnknownPlane,
+    AnchorLength, BodyPose, Distance, KnownPlane, MeasuredPose, Position, PostureDistance,
+    SamePoint, UnknownPlane,
 };
 use truing_robot::robot::JointKind;
 use truing_robot::robot::RobotFile;
@@ -62,6 +63,23 @@ joint = [
     { type = "prismatic", theta = -0.1, d = 0.3, a = -0.02, alpha = 1.5707963267948966 },
     { type = "prismatic", d = 0.1, a = 0.04, beta = 0.2 },
     { type = "revolute", d = 0.2, alpha = 0.6, gain = 1.5 },
+]
+"#;
+
+/// All three conventions in one chain, every model of joints, a reading of another joint and a passive joint.
+const MODELS: &str = r#"
+convention = "khalil-kleinfinger"
+base = { theta = 0.3, r = 0.4 }
+tool = { alpha = 0.3, d = 0.12, theta = 0.4, r = 0.08 }
+inputs = { load = { range = [-1.0, 1.0] }, side = { range = [-1.0, 1.0] } }
+joint = [
+    { type = "revolute", alpha = 0.2, d = 0.15, r = 0.25, model = ["gain", "harmonics(2)", "backlash(side)"] },
+    { type = "revolute", convention = "urdf", xyz = [0.1, 0.2, 0.3], rpy = [0.4, -0.5, 0.6], axis = [1, 2, -1], model = ["gain", "gravity(3, 5)", "compliance(load)"] },
+    { type = "revolute", convention = "denavit-hartenberg", d = 0.1, a = 0.43, alpha = 0.6, model = ["gain", "coupling(q2)"], coupling_q2 = -1.0 },
+    { type = "prismatic", convention = "urdf", xyz = [0.0, 0.1, 0.0], axis = [0, 1, 1], model = ["gain", "linear(load)", "harmonics(1)"] },
+    { type = "revolute", alpha = 1.5707963267948966, d = 0.03, gain = -1.0, model = ["gain", "compliance"] , mass = 2.0, center_of_mass = [0.1, 0.0, 0.05] },
+    { type = "revolute", alpha = -1.5707963267948966, d = 0.2, reading = "q3" },
+    { type = "fixed", convention = "urdf", rpy = [0.1, 0.0, 0.2] },
 ]
 "#;
 
@@ -186,6 +204,8 @@ impl Scene {
             self.same_point(derivatives),
             self.distance(derivatives),
             self.posture_distance(derivatives),
+            self.ball_bar(derivatives),
+            self.body_pose(derivatives),
         ]
     }
 
@@ -315,6 +335,48 @@ impl Scene {
             distance,
             ..through_origin
         }
+    }
+
+    fn ball_bar(&self, derivatives: &Derivatives) -> Problem {
+        let (arm, chain) = (&self.arm, self.arm.chain(derivatives));
+        let at = Vector3::new(0.3, -0.2, 0.9);
+        let mut problem = Problem::new();
+        let robot = problem.add_variable::<Vector>("robot", &arm.parameters);
+        let target = problem.add_variable::<Point3>("target", &arm.target);
+        let anchor = problem.add_variable::<Point3>("anchor", &at);
+        with_each(problem, "ball bar", |i| {
+            let constraint = AnchorLength {
+                chain: chain.clone(),
+                q: arm.postures[i].clone(),
+                length: length(&(arm.tip(i) - at)) - self.errors[i].x,
+            };
+            ((robot, target, anchor), constraint)
+        })
+    }
+
+    /// The body stands on the target, turned as the sensor is.
+    fn body_pose(&self, derivatives: &Derivatives) -> Problem {
+        let (arm, chain) = (&self.arm, self.arm.chain(derivatives));
+        let on_tool = Pose::new(self.sensor.rotation, arm.target);
+        let mut problem = Problem::new();
+        let robot = problem.add_variable::<Vector>("robot", &arm.parameters);
+        let sensor = problem.add_variable::<Pose3>("sensor", &self.sensor);
+        let body = problem.add_variable::<Pose3>("body", &on_tool);
+        with_each(problem, "body pose", |i| {
+            let away = self.sensor.rotation.transpose();
+            let turn = so3::exp_matrix(self.errors[i].as_slice());
+            let placed = arm.tool(i).compose(&on_tool);
+            let measured = Pose {
+                rotation: away * placed.rotation * turn,
+                translation: away * (placed.translation - self.sensor.translation) + self.errors[i],
+            };
+            let constraint = BodyPose {
+                chain: chain.clone(),
+                q: arm.postures[i].clone(),
+                measured,
+            };
+            ((robot, sensor, body), constraint)
+        })
     }
 
     fn known_plane(&self, derivatives: &Derivatives) -> Problem {
@@ -568,6 +630,46 @@ fn analytic_and_automatic_columns_agree_at_a_thousand_random_points() {
     for _ in 0..500 {
         assert_exact_agree(&Scene::random(&kk, &distal, &mut random));
         assert_exact_agree(&Scene::random(&distal, &kk, &mut random));
+    }
+}
+
+/// Models, general frames and mixed chains: at random, and with all that is measured and read at zero.
+#[test]
+fn all_ways_agree_with_models_of_joints() {
+    let mut random = ChaCha8Rng::seed_from_u64(4);
+    let robot = read(MODELS);
+    for scene in 0..40 {
+        let mut scene = if scene % 4 == 3 {
+            let at_zero = || Arm::nominal(robot.clone(), |_| 0.0);
+            let mut scene = Scene::exact(at_zero(), at_zero());
+            // Two tool points that coincide have no direction.
+            scene.other.target = Vector3::new(0.1, 0.2, 0.3);
+            scene
+        } else {
+            Scene::random(&robot, &robot, &mut random)
+        };
+        for arm in [&mut scene.arm, &mut scene.other] {
+            for q in &mut arm.postures {
+                q.extend(
+                    robot
+                        .columns()
+                        .iter()
+                        .map(|_| random.random_range(-1.0..1.0)),
+                );
+            }
+        }
+        let ways = [
+            Derivatives::default(),
+            Derivatives::WholeChain,
+            Derivatives::Numeric,
+        ];
+        let [default, whole_chain, numeric] = ways.map(|d| scene.problems(&d));
+        for ((problem, whole_chain), numeric) in default.iter().zip(&whole_chain).zip(&numeric) {
+            let lin = linearize(problem);
+            assert!(lin.values.iter().all(|x| x.is_finite()), "{lin:?}");
+            assert_agree(problem, "whole chain", &lin, &linearize(whole_chain), EXACT);
+            assert_agree(problem, "numeric", &lin, &linearize(numeric), DIFFERENCES);
+        }
     }
 }
 

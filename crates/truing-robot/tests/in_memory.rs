@@ -1,7 +1,6 @@
 //! What stands in memory is checked once: errors name the set and the row, and nothing panics or never returns.
 
 #[path = "support/puma.rs"]
-#[allow(dead_code, reason = "each test file uses what it needs")]
 mod puma;
 
 use puma::puma;
@@ -30,8 +29,7 @@ fn refused(set: MeasurementSet, words: &[&str]) {
     let error = Calibration::of(puma())
         .measured(set)
         .calibrate()
-        .err()
-        .expect("an error")
+        .unwrap_err()
         .to_string();
     for word in words {
         assert!(error.contains(word), "no {word} in: {error}");
@@ -135,7 +133,7 @@ fn no_measurements_and_no_sets() {
 fn two_sets_of_one_name() {
     let set = || position("tracker", postures(30), &points(30));
     let both = Calibration::of(puma()).measured(set()).measured(set());
-    let error = both.calibrate().err().expect("an error").to_string();
+    let error = both.calibrate().unwrap_err().to_string();
     assert!(error.contains("`tracker`"), "{error}");
 }
 
@@ -145,7 +143,7 @@ fn a_name_that_no_parameter_has() {
     let wrong = Calibration::of(puma())
         .measured(set)
         .estimating(&["theta9"]);
-    let error = wrong.calibrate().err().expect("an error").to_string();
+    let error = wrong.calibrate().unwrap_err().to_string();
     assert!(error.contains("theta9"), "{error}");
 }
 

@@ -15,6 +15,7 @@ pub mod posture;
 mod regressor;
 pub(crate) mod serial;
 mod table;
+mod table_items;
 mod table_reader;
 mod table_text;
 mod twist;

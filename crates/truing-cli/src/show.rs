@@ -7,7 +7,9 @@ use std::collections::BTreeSet;
 use std::fmt::Write;
 use truing_robot::identify::Status;
 use truing_robot::judge::{ErrorSummary, Outlier, SetResult};
-use truing_robot::result::{CalibrationResult, ComponentEstimate, ParameterResult};
+use truing_robot::result::{
+    CalibrationResult, ComponentEstimate, ParameterResult, UnknownEstimate,
+};
 
 fn error_rows(table: &mut Table, set: &SetResult, held_out: bool) {
     let (factor, unit) = shown(set.unit);
@@ -174,7 +176,12 @@ pub fn set_aside(result: &CalibrationResult) -> Vec<String> {
 
 /// Numbers that sets of measurements brought, beside distances, which have lines of their own.
 pub fn own_numbers(result: &CalibrationResult) -> impl Iterator<Item = &ComponentEstimate> {
-    let numbers = result.unknowns.iter().filter(|u| u.name != "distance");
+    let point = |u: &&UnknownEstimate| {
+        let mut points = result.points.iter();
+        points.any(|point| point.constraint == u.constraint && point.group == u.group)
+    };
+    let unknowns = result.unknowns.iter();
+    let numbers = unknowns.filter(move |u| u.name != "distance" && !point(u));
     let components = numbers.flat_map(|u| &u.components);
     components.filter(|component| component.estimate.is_some())
 }
@@ -274,7 +281,7 @@ pub fn result(result: &CalibrationResult) -> String {
         let [x, y, z] = point.position;
         let _ = writeln!(
             out,
-            "  point {}: ({x:.6}, {y:.6}, {z:.6}) m, rms {} mm over {} visits",
+            "  point {}: ({x:.6}, {y:.6}, {z:.6}) m, rms {} mm over {} measurements",
             titled(&point.constraint, &point.group),
             number(point.rms * 1e3),
             point.count

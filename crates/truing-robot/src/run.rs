@@ -90,6 +90,7 @@ impl Job {
             }
         };
         self.warn(&fitted, &constraints, &validation, &mut warnings);
+        self.doubt_models(&fitted, &assembly, &choices, &mut warnings)?;
         let statistics = judged
             .as_ref()
             .map(|judged| self.statistics(judged, &choices, &errors));

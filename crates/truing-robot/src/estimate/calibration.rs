@@ -101,23 +101,14 @@ impl Calibration {
         self
     }
 
-    /// The same, where rows of the set added last whose number modulo `every` is one of `rows` only test the
-    /// result.
-    ///
-    /// # Panics
-    /// If no set was added yet.
+    /// The same, estimated from these measurements too, but for the rows whose number modulo `every` is one of `rows`:
+    /// they only test the result.
     #[must_use]
-    #[track_caller]
-    pub fn hold_out(mut self, every: usize, rows: &[usize]) -> Self {
-        let Some(last) = self.sets.len().checked_sub(1) else {
-            panic!("add measurements before rows of them are held out");
-        };
-        let set = &self.sets[last];
-        let (out, used): (Vec<usize>, Vec<usize>) =
-            (0..set.len()).partition(|row| rows.contains(&(row % every.max(1))));
-        self.held_out.push((last, set.rows(&out)));
-        self.sets[last] = set.rows(&used);
-        self
+    pub fn measured_but(mut self, set: MeasurementSet, every: usize, rows: &[usize]) -> Self {
+        let is_out = |row: &usize| every > 0 && rows.contains(&(row % every));
+        let (out, used): (Vec<usize>, Vec<usize>) = (0..set.len()).partition(is_out);
+        self.held_out.push((self.sets.len(), set.rows(&out)));
+        self.measured(set.rows(&used))
     }
 
     /// The same, tested on these measurements, which are never used in the estimate.

@@ -30,7 +30,11 @@ impl Job {
     }
 
     /// Errors of one set in a state.
-    fn errors(&self, set: &MeasurementSet, state: &State) -> Result<ErrorSummary, Error> {
+    pub(super) fn errors(
+        &self,
+        set: &MeasurementSet,
+        state: &State,
+    ) -> Result<ErrorSummary, Error> {
         Ok(ErrorSummary::of_residuals(
             set,
             &self.residuals(set, state)?,

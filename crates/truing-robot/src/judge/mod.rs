@@ -4,6 +4,7 @@ pub(crate) mod doubt;
 mod errors;
 mod figures;
 mod outlier;
+mod parts;
 mod prediction;
 mod statistics;
 mod tool;

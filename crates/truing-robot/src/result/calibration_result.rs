@@ -84,11 +84,11 @@ pub struct PointEstimate {
     pub constraint: String,
     /// Its group.
     pub group: String,
-    /// Number of visits.
+    /// Number of measurements.
     pub count: usize,
     /// Position in the reference frame \[m\].
     pub position: [f64; 3],
-    /// RMS distance of its visits \[m\].
+    /// RMS error of its measurements \[m\].
     pub rms: f64,
 }
 
@@ -140,7 +140,7 @@ pub struct ComponentEstimate {
     pub name: String,
     /// Its unit.
     pub unit: &'static str,
-    /// The estimate; none for components of a plane, point or pose, whose place stands in the lists of these.
+    /// The estimate; none for components of a plane or pose, whose place stands in the lists of these.
     pub estimate: Option<f64>,
     /// Standard deviation.
     pub sigma: Option<f64>,

@@ -158,6 +158,7 @@ impl Report<'_> {
         let columns = self.assembly.unknown(&key)?.columns();
         let numbers = match value.shape() {
             Shape::Numbers(numbers) => numbers,
+            Shape::Point(point) => point.as_slice().to_vec(),
             _ => Vec::new(),
         };
         // Other coordinates of a method are not the unknown's.

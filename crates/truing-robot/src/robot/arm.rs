@@ -39,9 +39,13 @@ impl Arm {
 
     /// A parameter's name with the arm's prefix: `theta3`, or `left.theta3`.
     pub fn parameter_name(&self, parameter: usize) -> String {
-        let name = &self.robot.parameters()[parameter].name;
+        self.prefixed(&self.robot.parameters()[parameter].name)
+    }
+
+    /// A name with the arm's prefix.
+    pub(crate) fn prefixed(&self, name: &str) -> String {
         if self.name.is_empty() {
-            name.clone()
+            name.to_owned()
         } else {
             format!("{}.{name}", self.name)
         }

@@ -13,6 +13,10 @@ const PARALLEL: f64 = 0.02;
 
 impl Robot {
     /// The robot that a file describes.
+    ///
+    /// # Panics
+    /// If a model names a joint or a frame that is not there: a file that was read names none.
+    #[track_caller]
     pub fn new(file: &RobotFile) -> Self {
         let mut robot = Self {
             name: file.name.clone(),

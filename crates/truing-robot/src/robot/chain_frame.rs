@@ -6,7 +6,7 @@ use super::frame::{
 };
 use super::frame_row::{Convention, GeneralFrame};
 use super::joint_kind::JointKind;
-use super::joint_model::AnyJointModel;
+use super::joint_model::{AnyJointModel, MOST};
 use std::any::TypeId;
 use std::ops::Range;
 use std::sync::Arc;
@@ -60,9 +60,6 @@ pub(super) struct Term {
     pub parameters: Range<usize>,
     pub inputs: Vec<usize>,
 }
-
-/// Most inputs and parameters of a model.
-const MOST: usize = 16;
 
 impl Term {
     fn inputs(&self, row: &[f64]) -> [f64; MOST] {

@@ -38,12 +38,18 @@ pub trait JointModel: fmt::Debug + Send + Sync + 'static {
         vec![Input::Own]
     }
 
+    /// Which part of the model a parameter belongs to: a part makes sense, and may pay, without those after it. All
+    /// are of one part by default.
+    fn part(&self, _parameter: usize) -> usize {
+        0
+    }
+
     /// What it adds to the displacement, from its parameters `p` and inputs `x` in their order.
     fn displacement<T: Scalar>(&self, p: &[T], x: &[T]) -> T;
 }
 
 /// Most parameters and inputs of a model.
-const MOST: usize = 16;
+pub(super) const MOST: usize = 16;
 const MOST_INPUTS: usize = 8;
 
 /// A [`JointModel`] of any type.
@@ -52,6 +58,8 @@ pub trait AnyJointModel: fmt::Debug + Send + Sync {
     fn parameters(&self, joint: JointKind) -> Vec<ModelParameter>;
     /// Its inputs.
     fn inputs(&self) -> Vec<Input>;
+    /// Which part of the model a parameter belongs to.
+    fn part(&self, parameter: usize) -> usize;
     /// What it adds to the displacement.
     fn value(&self, p: &[f64], x: &[f64]) -> f64;
     /// The same, with its derivatives by the parameters.
@@ -102,6 +110,10 @@ impl<M: JointModel> AnyJointModel for M {
         let inputs = JointModel::inputs(self);
         assert!(inputs.len() <= MOST_INPUTS, "at most {MOST_INPUTS} inputs");
         inputs
+    }
+
+    fn part(&self, parameter: usize) -> usize {
+        JointModel::part(self, parameter)
     }
 
     fn value(&self, p: &[f64], x: &[f64]) -> f64 {
@@ -227,6 +239,10 @@ impl JointModel for Harmonics {
         let unit = unit_of(joint);
         let pair = |k: usize| ["cos", "sin"].map(|f| ModelParameter::zero(format!("{f}{k}"), unit));
         (1..=self.count).flat_map(pair).collect()
+    }
+
+    fn part(&self, parameter: usize) -> usize {
+        parameter / 2
     }
 
     fn displacement<T: Scalar>(&self, p: &[T], x: &[T]) -> T {

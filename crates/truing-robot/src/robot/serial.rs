@@ -257,6 +257,29 @@ impl Robot {
         self.parameters.iter().position(|p| p.name == name)
     }
 
+    /// The parts of all models of joints: the names of their parameters without the number of the frame, `cos2` and
+    /// `sin2`, and which parameters of the robot these are, over all joints that have the part.
+    pub fn model_parts(&self) -> Vec<(Vec<String>, Vec<usize>)> {
+        let mut parts: Vec<(Vec<String>, Vec<usize>)> = Vec::new();
+        for motion in self.frames.iter().filter_map(|frame| frame.motion.as_ref()) {
+            for term in &motion.terms {
+                let own = term.model.parameters(motion.kind);
+                let last = own.len().checked_sub(1).map(|k| term.model.part(k));
+                for part in 0..=last.unwrap_or(0) {
+                    let of_part = (0..own.len()).filter(|k| term.model.part(*k) == part);
+                    let (names, numbers) = of_part
+                        .map(|k| (own[k].name.clone(), term.parameters.start + k))
+                        .unzip();
+                    match parts.iter_mut().find(|(known, _)| *known == names) {
+                        Some((_, all)) => all.extend::<Vec<usize>>(numbers),
+                        None => parts.push((names, numbers)),
+                    }
+                }
+            }
+        }
+        parts
+    }
+
     /// base_from_tool at a row of joint values, over any scalar.
     pub fn forward<T: Scalar>(&self, parameters: &[T], row: &[f64]) -> Pose<T> {
         let Some(own) = &self.moved else {

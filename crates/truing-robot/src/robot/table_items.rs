@@ -3,7 +3,7 @@
 use super::frame_row::Convention;
 use super::joint_kind::JointKind;
 use super::joint_model::Input;
-use super::table::{InputRow, JointRow, Reading};
+use super::table::{InputRow, JointRow, Mass, Reading};
 use crate::text::error::{InputError, Source, one_of, suggest};
 use crate::text::item::Item;
 use crate::text::quantity::{Dimension, Units};
@@ -49,8 +49,13 @@ pub(super) fn inputs(root: &mut Section<'_>) -> Result<Vec<InputRow>, InputError
     Ok(all)
 }
 
-/// Joints whose reading is another's must name one that has its own.
-pub(super) fn check_readings(source: &Source, joints: &[JointRow]) -> Result<(), InputError> {
+/// What moves joints must be there: readings of joints, frames, masses.
+pub(super) fn check_readings(
+    source: &Source,
+    joints: &[JointRow],
+    tool_mass: Option<&Mass>,
+) -> Result<(), InputError> {
+    let has_mass = tool_mass.is_some() || joints.iter().any(|joint| joint.mass.is_some());
     let own = |joint: &&JointRow| joint.kind != JointKind::Fixed && joint.reading == Reading::Own;
     let names: Vec<&str> = joints.iter().filter(own).map(|j| j.name.as_str()).collect();
     let wrong = |joint: &JointRow, what: &str, name: &str| {
@@ -88,6 +93,23 @@ pub(super) fn check_readings(source: &Source, joints: &[JointRow]) -> Result<(),
                             joints.len() + 1
                         );
                         let help = "frames are counted from 0, the base, to the tool";
+                        return Err(source.error(message).with_help(help));
+                    }
+                    Input::Column(name) | Input::Sign(name) if names.contains(&name.as_str()) => {
+                        let message = format!(
+                            "joint `{}`: its model `{}` names a column, and `{name}` is what a joint reads",
+                            joint.name, model.text
+                        );
+                        let help = format!("write `coupling({name})` for what a joint reads");
+                        return Err(source.error(message).with_help(help));
+                    }
+                    Input::GravityTorque if !has_mass => {
+                        let message = format!(
+                            "joint `{}`: its model `{}` is a function of the torque of gravity, and nothing has a mass",
+                            joint.name, model.text
+                        );
+                        let help = "add `mass` and `center_of_mass` to joints beyond it, or to [tool]; or name a column \
+                                    with the measured torque, as in `compliance(tau2)`";
                         return Err(source.error(message).with_help(help));
                     }
                     _ => {}

@@ -115,7 +115,7 @@ impl RobotFile {
                 .error(format!("{found}; expected at least one that moves"))
                 .with_help("add a [[joint]] with type = \"revolute\" or \"prismatic\""));
         }
-        check_readings(source, &joints)?;
+        check_readings(source, &joints, tool_mass.as_ref())?;
         Ok(Self {
             path: source.path.clone(),
             name,
@@ -379,7 +379,7 @@ impl TableReader<'_> {
                 return Err(error.with_help("remove \"gain\", or leave `reading` out"));
             }
             for text in texts.iter().filter(|text| text.value.trim() != "gain") {
-                let row = self.model(table, &text.value, item, joint.kind)?;
+                let row = self.model(table, &text.value, item, joint)?;
                 joint.models.push(row);
             }
         }
@@ -409,7 +409,7 @@ impl TableReader<'_> {
         table: &mut Section<'_>,
         text: &str,
         item: &Item<'_>,
-        joint: JointKind,
+        joint: &JointRow,
     ) -> Result<ModelRow, InputError> {
         let text = text.trim();
         let (name, inside) = match text.split_once('(') {
@@ -432,7 +432,23 @@ impl TableReader<'_> {
             let help = "correct what is between the parentheses";
             return Err(item.error(message).with_help(help));
         };
-        let values = self.values(table, &model.parameters(joint))?;
+        let parameters = model.parameters(joint.kind);
+        let before = joint
+            .models
+            .iter()
+            .flat_map(|row| row.model.parameters(joint.kind));
+        let mut before: Vec<String> = before.map(|parameter| parameter.name).collect();
+        for parameter in &parameters {
+            if before.contains(&parameter.name) {
+                let message = format!(
+                    "`{text}` brings the parameter `{}`, which the joint has already",
+                    parameter.name
+                );
+                return Err(item.error(message).with_help("name each model once"));
+            }
+            before.push(parameter.name.clone());
+        }
+        let values = self.values(table, &parameters)?;
         Ok(ModelRow {
             text: text.to_owned(),
             model,

@@ -107,6 +107,45 @@ fn mistakes_are_located_and_explained() {
 }
 
 #[test]
+fn models_name_what_is_there() {
+    let text = |model: &str| {
+        format!(
+            "convention = 'kk'\n[[joint]]\nname = 'a'\ntype = 'revolute'\n[[joint]]\nname = 'b'\ntype = 'revolute'\n\
+             model = ['gain', {model}]\n"
+        )
+    };
+    for (model, words) in [
+        (
+            "'harmonics(1)', 'harmonics(2)'",
+            "`cos1`, which the joint has already",
+        ),
+        (
+            "'gravity(1, 3, 1)'",
+            "`gravity_1`, which the joint has already",
+        ),
+        ("'linear(a)'", "`a` is what a joint reads"),
+        ("'backlash(a)'", "`a` is what a joint reads"),
+        ("'coupling(c)'", "no joint with a reading"),
+        ("'compliance'", "nothing has a mass"),
+        ("'gravity(4)'", "no frame 4"),
+        ("'harmonics'", "expected it like `harmonics(2)`"),
+        ("'harmonic(2)'", "expected `gain`"),
+    ] {
+        let error = error(&text(model));
+        assert!(error.message.contains(words), "{model}: {error}");
+        assert!(error.help.is_some(), "{model}: {error}");
+    }
+    for model in [
+        "'harmonics(2)'",
+        "'linear(t)'",
+        "'coupling(a)'",
+        "'gravity(3)'",
+    ] {
+        assert!(RobotFile::parse(&text(model), "r.toml").is_ok(), "{model}");
+    }
+}
+
+#[test]
 fn a_robot_must_move() {
     assert!(error("").message.contains("empty"));
     assert!(error(" \n# nothing\n").message.contains("no `convention`"));

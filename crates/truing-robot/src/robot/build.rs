@@ -165,7 +165,10 @@ impl Robot {
             ),
             Convention::General => {
                 let small = (0..).map(Small).zip(Key::SMALL);
-                (FrameFunction::General(row.general), small.collect())
+                (
+                    FrameFunction::General(Box::new(row.general)),
+                    small.collect(),
+                )
             }
         };
         if !base && convention != Convention::General {

@@ -1,17 +1,18 @@
 //! The frames of a robot: which function each is, and what moves it.
 
 use super::frame::{
-    AnyFrameModel, LocalFrame, denavit_hartenberg, differentiate, general, khalil_kleinfinger,
-    khalil_kleinfinger_base, lifted,
+    AnyFrameModel, Base, DenavitHartenberg, KhalilKleinfinger, TableFrame, differentiate_after,
+    general, lifted,
 };
 use super::frame_row::{Convention, GeneralFrame};
 use super::joint_kind::JointKind;
 use super::joint_model::{AnyJointModel, MOST};
+use super::twist::{Twist, twist_in_reference};
 use std::any::TypeId;
 use std::ops::Range;
 use std::sync::Arc;
 use truing::manifold::Pose;
-use truing::{Scalar, value};
+use truing::{Dual, Scalar, value};
 
 /// Which function a frame is; a match and not a pointer, so that forward kinematics stay generic.
 #[derive(Debug, Clone)]
@@ -19,7 +20,7 @@ pub(super) enum FrameFunction {
     Base,
     KhalilKleinfinger,
     DenavitHartenberg,
-    General(GeneralFrame),
+    General(Box<GeneralFrame>),
     Custom(Arc<dyn AnyFrameModel>),
 }
 
@@ -91,7 +92,7 @@ impl Term {
 
 impl Motion {
     /// The displacement [rad or m] with a robot's parameters at a row.
-    #[inline]
+    #[inline(always)]
     pub fn displacement<T: Scalar>(&self, parameters: &[T], row: &[f64]) -> T {
         let mut sum = match (self.gain, self.reading) {
             (Some(gain), Some(reading)) => parameters[gain] * row[reading],
@@ -105,6 +106,7 @@ impl Motion {
     }
 
     /// The derivatives of the displacement by the parameters that it depends on, told one by one.
+    #[inline(always)]
     pub fn by_parameters(&self, parameters: &[f64], row: &[f64], mut tell: impl FnMut(usize, f64)) {
         if let (Some(gain), Some(reading)) = (self.gain, self.reading) {
             tell(gain, row[reading]);
@@ -166,7 +168,7 @@ impl Frame {
     }
 
     /// The displacement of its joint with a robot's parameters at a row; zero where none moves it.
-    #[inline]
+    #[inline(always)]
     pub fn displacement<T: Scalar>(&self, parameters: &[T], row: &[f64]) -> T {
         match &self.motion {
             Some(motion) => motion.displacement(parameters, row),
@@ -175,22 +177,39 @@ impl Frame {
     }
 
     /// parent_from_frame, from its own parameters and the displacement of its joint.
-    #[inline]
     pub fn transform<T: Scalar>(&self, own: &[T], displacement: T) -> Pose<T> {
+        self.place(own, displacement, |local| local)
+    }
+
+    /// base_from_frame, from base_from_parent.
+    #[inline]
+    pub(super) fn after<T: Scalar>(&self, parent: &Pose<T>, own: &[T], displacement: T) -> Pose<T> {
+        self.place(own, displacement, |local| parent.compose(&local))
+    }
+
+    /// Hands parent_from_frame on as it is made: written out for each function, so that it stays in registers.
+    #[inline(always)]
+    fn place<T: Scalar>(
+        &self,
+        own: &[T],
+        displacement: T,
+        then: impl Fn(Pose<T>) -> Pose<T>,
+    ) -> Pose<T> {
         let (turns, adds_to) = self.moved();
         match &self.function {
-            FrameFunction::Base => khalil_kleinfinger_base(own),
+            FrameFunction::Base => then(Base::transform(own)),
             FrameFunction::KhalilKleinfinger => {
-                khalil_kleinfinger(&displaced(own, adds_to, displacement)[..own.len()])
+                by_table::<KhalilKleinfinger, T>(own, adds_to, displacement, then)
             }
             FrameFunction::DenavitHartenberg => {
-                denavit_hartenberg(&displaced(own, adds_to, displacement)[..own.len()])
+                by_table::<DenavitHartenberg, T>(own, adds_to, displacement, then)
             }
-            FrameFunction::General(frame) => general(frame, turns, own, displacement),
-            FrameFunction::Custom(model) => lifted(model, own, displacement),
+            FrameFunction::General(frame) => then(general(frame, turns, own, displacement)),
+            FrameFunction::Custom(model) => then(lifted(model, own, displacement)),
         }
     }
 
+    #[inline]
     fn moved(&self) -> (bool, Option<usize>) {
         let motion = self.motion.as_ref();
         (
@@ -199,53 +218,102 @@ impl Frame {
         )
     }
 
-    /// The same with derivatives by its own parameters, as twists in the parent frame; the place of the twist of
-    /// the displacement comes back.
+    /// [`after`](Self::after) with derivatives: the twists of its own parameters in the reference frame, and that of
+    /// the displacement.
     #[inline]
     pub(super) fn differentiate(
         &self,
+        parent: &Pose<f64>,
         own: &[f64],
         displacement: f64,
-        out: &mut LocalFrame,
-    ) -> usize {
+        twists: &mut [Twist],
+    ) -> (Pose<f64>, Twist) {
         let (turns, adds_to) = self.moved();
-        match &self.function {
-            FrameFunction::Base => differentiate::<2>(own, khalil_kleinfinger_base, out),
-            FrameFunction::KhalilKleinfinger => {
-                let p = displaced(own, adds_to, displacement);
-                if own.len() == 5 {
-                    differentiate::<5>(&p, khalil_kleinfinger, out);
-                } else {
-                    differentiate::<4>(&p, khalil_kleinfinger, out);
-                }
+        let pose = match &self.function {
+            FrameFunction::Base => {
+                let p = [own[0], own[1]];
+                differentiate_after(parent, &p, Base::transform, twists)
             }
-            FrameFunction::DenavitHartenberg => {
-                let p = displaced(own, adds_to, displacement);
-                if own.len() == 5 {
-                    differentiate::<5>(&p, denavit_hartenberg, out);
-                } else {
-                    differentiate::<4>(&p, denavit_hartenberg, out);
-                }
-            }
+            FrameFunction::KhalilKleinfinger => differentiate_by_table::<KhalilKleinfinger>(
+                parent,
+                own,
+                adds_to,
+                displacement,
+                twists,
+            ),
+            FrameFunction::DenavitHartenberg => differentiate_by_table::<DenavitHartenberg>(
+                parent,
+                own,
+                adds_to,
+                displacement,
+                twists,
+            ),
             FrameFunction::General(frame) => {
                 let mut p = [0.0; 7];
                 p[..6].copy_from_slice(own);
                 p[6] = displacement;
-                differentiate::<7>(&p, |p| general(frame, turns, &p[..6], p[6]), out);
+                let mut all = [Twist::default(); 7];
+                let place = |p: &[Dual<7>]| general(frame, turns, &p[..6], p[6]);
+                let pose = differentiate_after(parent, &p, place, &mut all);
+                twists.copy_from_slice(&all[..6]);
+                return (pose, all[6]);
             }
-            FrameFunction::Custom(model) => *out = model.differentiate(own, displacement),
-        }
-        adds_to.unwrap_or(own.len())
+            FrameFunction::Custom(model) => {
+                let local = model.differentiate(own, displacement);
+                for (twist, own) in twists.iter_mut().zip(&local.twists) {
+                    *twist = twist_in_reference(parent, own);
+                }
+                let moved = twist_in_reference(parent, &local.twists[own.len()]);
+                return (parent.compose(&local.pose), moved);
+            }
+        };
+        (pose, adds_to.map_or_else(Twist::default, |k| twists[k]))
+    }
+}
+
+/// A frame of a table, with or without β.
+#[inline(always)]
+fn by_table<F: TableFrame, T: Scalar>(
+    own: &[T],
+    adds_to: Option<usize>,
+    displacement: T,
+    then: impl Fn(Pose<T>) -> Pose<T>,
+) -> Pose<T> {
+    if own.len() == 5 {
+        then(F::transform(&displaced::<5, T>(own, adds_to, displacement)))
+    } else {
+        then(F::transform(&displaced::<4, T>(own, adds_to, displacement)))
+    }
+}
+
+/// The same with derivatives.
+#[inline(always)]
+fn differentiate_by_table<F: TableFrame>(
+    parent: &Pose<f64>,
+    own: &[f64],
+    adds_to: Option<usize>,
+    displacement: f64,
+    twists: &mut [Twist],
+) -> Pose<f64> {
+    if own.len() == 5 {
+        let p = displaced::<5, f64>(own, adds_to, displacement);
+        differentiate_after(parent, &p, |p| F::transform(p), twists)
+    } else {
+        let p = displaced::<4, f64>(own, adds_to, displacement);
+        differentiate_after(parent, &p, |p| F::transform(p), twists)
     }
 }
 
 /// Parameters with the displacement added to one of them.
-#[inline]
-fn displaced<T: Scalar>(own: &[T], adds_to: Option<usize>, displacement: T) -> [T; 5] {
-    let mut p = [T::zero(); 5];
-    p[..own.len()].copy_from_slice(own);
-    if let Some(place) = adds_to {
-        p[place] += displacement;
-    }
-    p
+#[inline(always)]
+fn displaced<const W: usize, T: Scalar>(
+    own: &[T],
+    adds_to: Option<usize>,
+    displacement: T,
+) -> [T; W] {
+    // Chosen and not indexed, so that they stay in registers.
+    std::array::from_fn(|k| match adds_to {
+        Some(place) if place == k => own[k] + displacement,
+        _ => own[k],
+    })
 }

@@ -4,6 +4,7 @@
 //! differentiation of that one function.
 
 use super::frame_row::GeneralFrame;
+use super::twist::{Twist, twist_in_reference};
 use super::unit::ModelParameter;
 use std::fmt;
 use std::sync::Arc;
@@ -48,93 +49,117 @@ impl<M: FrameModel> AnyFrameModel for M {
         x[..n].copy_from_slice(p);
         x[n] = displacement;
         let mut local = LocalFrame::default();
-        differentiate::<MAX_WIDTH>(&x, |x| self.transform(&x[..n], x[n]), &mut local);
+        let twists = &mut local.twists;
+        local.pose = differentiate(
+            &x,
+            |x| self.transform(&x[..n], x[n]),
+            |k, omega, v| twists[k] = (omega, v),
+        );
         local
     }
 }
 
-/// Khalil–Kleinfinger frame; parameters α, d, θ, r, then β if there are five.
-#[inline]
-pub(super) fn khalil_kleinfinger<T: Scalar>(p: &[T]) -> Pose<T> {
-    let (alpha, d, theta, r) = (p[0], p[1], p[2], p[3]);
-    let (sin_alpha, cos_alpha) = alpha.sin_cos();
-    let (sin_theta, cos_theta) = theta.sin_cos();
-    let zero = T::zero();
-    if let Some(beta) = p.get(4) {
-        let (sin_beta, cos_beta) = beta.sin_cos();
-        // Columns of Rot(y, β) · Rot(x, α).
-        let x = Vector3::new(cos_beta, zero, -sin_beta);
-        let y = Vector3::new(sin_beta * sin_alpha, cos_alpha, cos_beta * sin_alpha);
-        let z = Vector3::new(sin_beta * cos_alpha, -sin_alpha, cos_beta * cos_alpha);
-        return Pose {
-            rotation: Matrix3::new(
-                x.x * cos_theta + y.x * sin_theta,
-                y.x * cos_theta - x.x * sin_theta,
-                z.x,
-                y.y * sin_theta,
-                y.y * cos_theta,
-                z.y,
-                x.z * cos_theta + y.z * sin_theta,
-                y.z * cos_theta - x.z * sin_theta,
-                z.z,
-            ),
-            translation: Vector3::new(d * x.x + r * z.x, r * z.y, d * x.z + r * z.z),
-        };
-    }
-    Pose {
-        rotation: Matrix3::new(
-            cos_theta,
-            -sin_theta,
-            zero,
-            cos_alpha * sin_theta,
-            cos_alpha * cos_theta,
-            -sin_alpha,
-            sin_alpha * sin_theta,
-            sin_alpha * cos_theta,
-            cos_alpha,
-        ),
-        translation: Vector3::new(d, -(r * sin_alpha), r * cos_alpha),
-    }
+/// A frame of a table: a function of its parameters alone, to one of which the displacement was added.
+pub(super) trait TableFrame {
+    /// parent_from_frame.
+    fn transform<T: Scalar>(p: &[T]) -> Pose<T>;
 }
 
 /// Frame 0 of Khalil–Kleinfinger; parameters θ, r.
-pub(super) fn khalil_kleinfinger_base<T: Scalar>(p: &[T]) -> Pose<T> {
-    let (sin, cos) = p[0].sin_cos();
-    let (zero, one) = (T::zero(), T::one());
-    Pose {
-        rotation: Matrix3::new(cos, -sin, zero, sin, cos, zero, zero, zero, one),
-        translation: Vector3::new(zero, zero, p[1]),
+pub(super) struct Base;
+
+/// Khalil–Kleinfinger frame; parameters α, d, θ, r, then β if there are five.
+pub(super) struct KhalilKleinfinger;
+
+/// Distal Denavit–Hartenberg frame; parameters θ, d, a, α, then β if there are five.
+pub(super) struct DenavitHartenberg;
+
+impl TableFrame for KhalilKleinfinger {
+    #[inline(always)]
+    fn transform<T: Scalar>(p: &[T]) -> Pose<T> {
+        let (alpha, d, theta, r) = (p[0], p[1], p[2], p[3]);
+        let (sin_alpha, cos_alpha) = alpha.sin_cos();
+        let (sin_theta, cos_theta) = theta.sin_cos();
+        let zero = T::zero();
+        if let Some(beta) = p.get(4) {
+            let (sin_beta, cos_beta) = beta.sin_cos();
+            // Columns of Rot(y, β) · Rot(x, α).
+            let x = Vector3::new(cos_beta, zero, -sin_beta);
+            let y = Vector3::new(sin_beta * sin_alpha, cos_alpha, cos_beta * sin_alpha);
+            let z = Vector3::new(sin_beta * cos_alpha, -sin_alpha, cos_beta * cos_alpha);
+            return Pose {
+                rotation: Matrix3::new(
+                    x.x * cos_theta + y.x * sin_theta,
+                    y.x * cos_theta - x.x * sin_theta,
+                    z.x,
+                    y.y * sin_theta,
+                    y.y * cos_theta,
+                    z.y,
+                    x.z * cos_theta + y.z * sin_theta,
+                    y.z * cos_theta - x.z * sin_theta,
+                    z.z,
+                ),
+                translation: Vector3::new(d * x.x + r * z.x, r * z.y, d * x.z + r * z.z),
+            };
+        }
+        Pose {
+            rotation: Matrix3::new(
+                cos_theta,
+                -sin_theta,
+                zero,
+                cos_alpha * sin_theta,
+                cos_alpha * cos_theta,
+                -sin_alpha,
+                sin_alpha * sin_theta,
+                sin_alpha * cos_theta,
+                cos_alpha,
+            ),
+            translation: Vector3::new(d, -(r * sin_alpha), r * cos_alpha),
+        }
     }
 }
 
-/// Distal Denavit–Hartenberg frame; parameters θ, d, a, α, then β if there are five.
-#[inline]
-pub(super) fn denavit_hartenberg<T: Scalar>(p: &[T]) -> Pose<T> {
-    let (theta, d, a, alpha) = (p[0], p[1], p[2], p[3]);
-    let (sin_theta, cos_theta) = theta.sin_cos();
-    let (sin_alpha, cos_alpha) = alpha.sin_cos();
-    let mut x = Vector3::new(cos_theta, sin_theta, T::zero());
-    let y = Vector3::new(-(sin_theta * cos_alpha), cos_theta * cos_alpha, sin_alpha);
-    let mut z = Vector3::new(sin_theta * sin_alpha, -(cos_theta * sin_alpha), cos_alpha);
-    let translation = Vector3::new(a * cos_theta, a * sin_theta, d);
-    if let Some(beta) = p.get(4) {
-        let (sin_beta, cos_beta) = beta.sin_cos();
-        (x, z) = (
-            Vector3::new(
-                x.x * cos_beta - z.x * sin_beta,
-                x.y * cos_beta - z.y * sin_beta,
-                -(z.z * sin_beta),
-            ),
-            Vector3::new(
-                x.x * sin_beta + z.x * cos_beta,
-                x.y * sin_beta + z.y * cos_beta,
-                z.z * cos_beta,
-            ),
-        );
+impl TableFrame for Base {
+    #[inline(always)]
+    fn transform<T: Scalar>(p: &[T]) -> Pose<T> {
+        let (sin, cos) = p[0].sin_cos();
+        let (zero, one) = (T::zero(), T::one());
+        Pose {
+            rotation: Matrix3::new(cos, -sin, zero, sin, cos, zero, zero, zero, one),
+            translation: Vector3::new(zero, zero, p[1]),
+        }
     }
-    Pose {
-        rotation: Matrix3::from_columns(&[x, y, z]),
-        translation,
+}
+
+impl TableFrame for DenavitHartenberg {
+    #[inline(always)]
+    fn transform<T: Scalar>(p: &[T]) -> Pose<T> {
+        let (theta, d, a, alpha) = (p[0], p[1], p[2], p[3]);
+        let (sin_theta, cos_theta) = theta.sin_cos();
+        let (sin_alpha, cos_alpha) = alpha.sin_cos();
+        let mut x = Vector3::new(cos_theta, sin_theta, T::zero());
+        let y = Vector3::new(-(sin_theta * cos_alpha), cos_theta * cos_alpha, sin_alpha);
+        let mut z = Vector3::new(sin_theta * sin_alpha, -(cos_theta * sin_alpha), cos_alpha);
+        let translation = Vector3::new(a * cos_theta, a * sin_theta, d);
+        if let Some(beta) = p.get(4) {
+            let (sin_beta, cos_beta) = beta.sin_cos();
+            (x, z) = (
+                Vector3::new(
+                    x.x * cos_beta - z.x * sin_beta,
+                    x.y * cos_beta - z.y * sin_beta,
+                    -(z.z * sin_beta),
+                ),
+                Vector3::new(
+                    x.x * sin_beta + z.x * cos_beta,
+                    x.y * sin_beta + z.y * cos_beta,
+                    z.z * cos_beta,
+                ),
+            );
+        }
+        Pose {
+            rotation: Matrix3::from_columns(&[x, y, z]),
+            translation,
+        }
     }
 }
 
@@ -165,6 +190,7 @@ fn about<T: Scalar>(axis: &Vector3<f64>, angle: T) -> Matrix3<T> {
 /// The general frame: a constant transform, a small one with parameters x, y, z, rx, ry, rz, and the motion of the
 /// joint about or along any axis: C · Trans(x, y, z) · Rpy(rx, ry, rz) · M(δ). URDF has such frames, with
 /// the small transform nominally none.
+#[inline(never)]
 pub(super) fn general<T: Scalar>(frame: &GeneralFrame, turns: bool, p: &[T], delta: T) -> Pose<T> {
     let [r, q, y] = frame.rpy;
     let constant = roll_pitch_yaw::<f64>(r, q, y).map(T::from);
@@ -192,6 +218,7 @@ pub(super) fn general<T: Scalar>(frame: &GeneralFrame, turns: bool, p: &[T], del
 }
 
 /// A frame's transform as a function of everything, its derivatives known.
+#[inline(never)]
 pub(super) fn lifted<T: Scalar>(model: &Arc<dyn AnyFrameModel>, p: &[T], delta: T) -> Pose<T> {
     let mut numbers = [0.0; MAX_WIDTH];
     numbers.iter_mut().zip(p).for_each(|(x, p)| *x = value(*p));
@@ -234,21 +261,21 @@ impl Default for LocalFrame {
     }
 }
 
-/// Differentiates one frame by `W` numbers: dT · T⁻¹ = (ω×, v).
-#[inline]
-pub(super) fn differentiate<const W: usize>(
-    p: &[f64],
+/// Differentiates one frame by `W` numbers: dT · T⁻¹ = (ω×, v), told one by one; parent_from_frame comes back.
+#[inline(always)]
+fn differentiate<const W: usize>(
+    p: &[f64; W],
     transform: impl Fn(&[Dual<W>]) -> Pose<Dual<W>>,
-    out: &mut LocalFrame,
-) {
+    mut tell: impl FnMut(usize, Vector3<f64>, Vector3<f64>),
+) -> Pose<f64> {
     let duals: [Dual<W>; W] = std::array::from_fn(|k| autodiff::seed(p[k], k));
     let pose = transform(&duals);
-    out.pose = Pose {
+    let local = Pose {
         rotation: pose.rotation.map(value),
         translation: pose.translation.map(value),
     };
     // One pass an entry and not a parameter: each dual number's partials are read once.
-    let r = &out.pose.rotation;
+    let r = &local.rotation;
     let mut omega = [[0.0; 3]; W];
     for column in 0..3 {
         let entry = |row: usize| autodiff::partials(&pose.rotation[(row, column)]);
@@ -264,6 +291,23 @@ pub(super) fn differentiate<const W: usize>(
     for k in 0..W {
         let omega = Vector3::from(omega[k]);
         let moved = Vector3::new(dp[0][k], dp[1][k], dp[2][k]);
-        out.twists[k] = (omega, moved - omega.cross(&out.pose.translation));
+        tell(k, omega, moved - omega.cross(&local.translation));
     }
+    local
+}
+
+/// Differentiates one frame by `W` numbers, its parent being at `parent`: their twists in the reference frame, and
+/// where the frame is.
+#[inline(always)]
+pub(super) fn differentiate_after<const W: usize>(
+    parent: &Pose<f64>,
+    p: &[f64; W],
+    transform: impl Fn(&[Dual<W>]) -> Pose<Dual<W>>,
+    twists: &mut [Twist],
+) -> Pose<f64> {
+    let twists = &mut twists[..W];
+    let local = differentiate(p, transform, |k, omega, v| {
+        twists[k] = twist_in_reference(parent, &(omega, v));
+    });
+    parent.compose(&local)
 }

@@ -1,8 +1,7 @@
 //! The kinematic regressor: how the tool moves when a parameter does.
 
-use super::frame::LocalFrame;
 use super::serial::Robot;
-use super::twist::{Twist, twist_in_reference};
+use super::twist::Twist;
 use truing::manifold::Pose;
 use truing::nalgebra::{Matrix3xX, Vector3};
 
@@ -99,24 +98,17 @@ impl DifferentiateChain for FrameWise {
         out.motions.clear();
         let row = robot.complete(q);
         let mut pose = Pose::<f64>::identity();
-        let mut local = LocalFrame::default();
         for frame in robot.frames() {
             let range = frame.own_parameters();
             let displacement = frame.displacement(parameters, &row);
-            let place = frame.differentiate(&parameters[range.clone()], displacement, &mut local);
-            for (twist, own) in out.twists[range].iter_mut().zip(&local.twists) {
-                *twist = twist_in_reference(&pose, own);
-            }
+            let own = &parameters[range.clone()];
+            let twists = &mut out.twists;
+            let moved;
+            (pose, moved) = frame.differentiate(&pose, own, displacement, &mut twists[range]);
             if let Some(motion) = &frame.motion {
-                let moved = twist_in_reference(&pose, &local.twists[place]);
-                let twists = &mut out.twists;
                 motion.by_parameters(parameters, &row, |k, slope| twists[k] = moved.times(slope));
                 out.motions.push(moved);
             }
-            pose = Pose {
-                translation: pose.rotation * local.pose.translation + pose.translation,
-                rotation: pose.rotation * local.pose.rotation,
-            };
         }
         out.tool = pose;
     }

@@ -4,7 +4,7 @@ use super::chain_frame::Frame;
 use super::frame_row::{Convention, Key};
 use super::joint_kind::JointKind;
 use super::table::RobotFile;
-use super::twist::{Twist, twist_in_reference};
+use super::twist::Twist;
 use super::unit::Unit;
 use std::borrow::Cow;
 use truing::Scalar;
@@ -160,7 +160,16 @@ impl Robot {
 
     /// A row with what is derived from it behind, with the nominal parameters: the arms and torques of gravity. A row
     /// that has it stays as it is; of columns of which only the sign counts it is made ±1.
+    #[inline]
     pub fn complete<'r>(&self, row: &'r [f64]) -> Cow<'r, [f64]> {
+        if self.columns.is_empty() && self.derived.is_empty() {
+            return Cow::Borrowed(row);
+        }
+        self.complete_with_columns(row)
+    }
+
+    #[inline(never)]
+    fn complete_with_columns<'r>(&self, row: &'r [f64]) -> Cow<'r, [f64]> {
         let wanted = self.given() + self.derived.len();
         let further = row.iter().skip(self.joints.len()).zip(&self.columns);
         let mut rough = further.filter(|(x, column)| column.sign && ![-1.0, 0.0, 1.0].contains(*x));
@@ -187,12 +196,14 @@ impl Robot {
         let mut poses = Vec::new();
         let mut motions = Vec::new();
         let mut pose = Pose::<f64>::identity();
-        let mut local = super::frame::LocalFrame::default();
+        let mut twists = vec![Twist::default(); nominal.len()];
         for frame in &self.frames {
-            let own = &nominal[frame.own_parameters()];
-            let place = frame.differentiate(own, frame.displacement(&nominal, row), &mut local);
-            motions.push(twist_in_reference(&pose, &local.twists[place]));
-            pose = pose.compose(&local.pose);
+            let range = frame.own_parameters();
+            let displacement = frame.displacement(&nominal, row);
+            let own = &nominal[range.clone()];
+            let moved;
+            (pose, moved) = frame.differentiate(&pose, own, displacement, &mut twists[range]);
+            motions.push(moved);
             poses.push(pose);
         }
         let g = Vector3::from(self.file.gravity);
@@ -282,9 +293,16 @@ impl Robot {
 
     /// base_from_tool at a row of joint values, over any scalar.
     pub fn forward<T: Scalar>(&self, parameters: &[T], row: &[f64]) -> Pose<T> {
-        let Some(own) = &self.moved else {
-            return self.through_frames(parameters, row);
-        };
+        match &self.moved {
+            None => self.through_frames(parameters, row),
+            Some(own) => self.through_motions(own, parameters, row),
+        }
+    }
+
+    /// From where the robot is with its `own` parameters, moved as a whole.
+    #[cold]
+    #[inline(never)]
+    fn through_motions<T: Scalar>(&self, own: &[f64], parameters: &[T], row: &[f64]) -> Pose<T> {
         let fixed: Vec<T> = own.iter().map(|p| T::from(*p)).collect();
         let pose = self.through_frames(&fixed, row);
         let [x, y, z, a, b, c, growth] = std::array::from_fn(|k| parameters[k] - own[k]);
@@ -308,18 +326,15 @@ impl Robot {
         }
     }
 
+    #[inline]
     fn through_frames<T: Scalar>(&self, parameters: &[T], row: &[f64]) -> Pose<T> {
         let row = self.complete(row);
-        let mut pose: Option<Pose<T>> = None;
+        let mut pose = Pose::identity();
         for frame in &self.frames {
-            let displacement = frame.displacement(parameters, &row);
-            let local = frame.transform(&parameters[frame.own_parameters()], displacement);
-            pose = Some(match pose {
-                None => local,
-                Some(pose) => pose.compose(&local),
-            });
+            let own = &parameters[frame.own_parameters()];
+            pose = frame.after(&pose, own, frame.displacement(parameters, &row));
         }
-        pose.unwrap_or_else(Pose::identity)
+        pose
     }
 
     /// The six parameters that place the robot in its reference frame (θ₀, r₀, α₁, d₁, θ₁, r₁, and

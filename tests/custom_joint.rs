@@ -5,7 +5,9 @@
 #[path = "support/plugin.rs"]
 mod plugin;
 
-use plugin::{ROBOT, json, succeeds, truing};
+use plugin::{
+    ROBOT, assert_recovered, assert_studied, json, parameter, simulated, succeeds, truing,
+};
 use std::fs;
 use std::path::Path;
 use std::process::ExitCode;
@@ -82,27 +84,17 @@ fn write(folder: &Path, name: &str, text: &str) {
 }
 
 /// Readings of a robot whose gear is off by 0.002 rad and −0.001 rad.
-fn simulated() -> tempfile::TempDir {
-    let folder = tempfile::tempdir().unwrap();
-    let at = folder.path();
-    let truth = "gear_s = \"2e-3 rad\"\ngear_c = \"-1e-3 rad\"";
-    for (name, text) in [
-        ("robot.toml", robot("")),
-        ("true.toml", robot(truth)),
-        ("plain.toml", ROBOT.to_owned()),
-        ("simulation.toml", SIMULATION.to_owned()),
-        ("calibration.toml", CALIBRATION.to_owned()),
-    ] {
-        write(at, name, &text);
-    }
-    succeeds(at, "simulate simulation.toml --output data");
-    folder
-}
-
-#[track_caller]
-fn parameter<'r>(result: &'r serde_json::Value, name: &str) -> &'r serde_json::Value {
-    let all = result["parameters"].as_array().unwrap();
-    all.iter().find(|p| p["name"] == name).unwrap()
+fn measured() -> tempfile::TempDir {
+    simulated(&[
+        ("robot.toml", &robot("")),
+        (
+            "true.toml",
+            &robot("gear_s = \"2e-3 rad\"\ngear_c = \"-1e-3 rad\""),
+        ),
+        ("plain.toml", ROBOT),
+        ("simulation.toml", SIMULATION),
+        ("calibration.toml", CALIBRATION),
+    ])
 }
 
 fn held_out(result: &serde_json::Value) -> f64 {
@@ -110,15 +102,12 @@ fn held_out(result: &serde_json::Value) -> f64 {
 }
 
 fn a_gear_is_estimated_from_a_file() {
-    let folder = simulated();
+    let folder = measured();
     let result = json(folder.path(), "calibrate calibration.toml --json");
     assert_eq!(result["trusted"], true, "{result:#}");
     for (name, truth) in [("gear_s_2", 2e-3), ("gear_c_2", -1e-3)] {
-        let found = parameter(&result, name);
-        assert_eq!(found["unit"], "rad");
-        let [estimate, sigma] = ["estimate", "sigma"].map(|key| found[key].as_f64().unwrap());
-        assert!(sigma < 1e-4, "{found}");
-        assert!((estimate - truth).abs() < 4.0 * sigma, "{found}");
+        assert_eq!(parameter(&result, name)["unit"], "rad");
+        assert_recovered(&result, name, truth, 1e-4);
     }
     // Without the gear, no robot of that shape predicts as well.
     let plain = CALIBRATION.replace("robot.toml", "plain.toml");
@@ -130,7 +119,7 @@ fn a_gear_is_estimated_from_a_file() {
 }
 
 fn what_is_written_is_read_again() {
-    let folder = simulated();
+    let folder = measured();
     succeeds(folder.path(), "calibrate calibration.toml --output out");
     let again = CALIBRATION.replace("\"robot.toml\"", "\"out/robot.toml\"");
     write(folder.path(), "again.toml", &again);
@@ -141,7 +130,7 @@ fn what_is_written_is_read_again() {
 }
 
 fn bounds_hold_and_identify_knows_it() {
-    let folder = simulated();
+    let folder = measured();
     let bounded = CALIBRATION.replace(
         "fixed = [\"gains\"]",
         "fixed = [\"gains\"]\nbounds = { gear_s_2 = \"1e-3 rad\" }",
@@ -159,34 +148,12 @@ fn bounds_hold_and_identify_knows_it() {
 }
 
 fn a_study_estimates_it() {
-    let folder = simulated();
-    let study = r#"
-seed = 7
-trials = 2
-configurations = 20
-[robot]
-file = "robot.toml"
-[estimate]
-fixed = ["gains"]
-[errors]
-angle = "0.1 deg"
-length = "1 mm"
-[[case]]
-name = "tracker on gears"
-[[case.constraint]]
-kind = "position"
-count = 60
-sigma = "0.05 mm"
-[[method]]
-name = "Truing"
-"#;
-    write(folder.path(), "study.toml", study);
-    let shown = succeeds(folder.path(), "study study.toml --output study");
-    assert!(shown.contains("tracker on gears"), "{shown}");
+    let folder = measured();
+    assert_studied(folder.path(), &[("position", 60)]);
 }
 
 fn a_misspelt_model_is_told_what_there_is() {
-    let folder = simulated();
+    let folder = measured();
     let wrong = robot("").replace("eccentric(3)", "excentric(3)");
     write(folder.path(), "robot.toml", &wrong);
     let (status, _, error) = truing(folder.path(), "calibrate calibration.toml");

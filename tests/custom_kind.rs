@@ -5,7 +5,7 @@
 #[path = "support/plugin.rs"]
 mod plugin;
 
-use plugin::{ROBOT, json, succeeds, truing};
+use plugin::{assert_studied, json, simulated, succeeds, truing};
 use std::fs;
 use std::path::Path;
 use std::process::ExitCode;
@@ -197,48 +197,12 @@ sigma = "0.05 mm"
 holdout = { every = 4, rows = [0] }
 "#;
 
-const STUDY: &str = r#"
-seed = 7
-trials = 2
-configurations = 20
-[robot]
-file = "robot.toml"
-[estimate]
-fixed = ["gains"]
-[errors]
-angle = "0.3 deg"
-length = "1 mm"
-[[case]]
-name = "tracker and wire"
-[[case.constraint]]
-kind = "position"
-count = 40
-sigma = "0.05 mm"
-[[case.constraint]]
-kind = "draw-wire"
-count = 40
-sigma = "0.05 mm"
-[[method]]
-name = "Truing"
-"#;
-
-/// A folder with these files and the robot.
-fn folder(files: &[(&str, &str)]) -> tempfile::TempDir {
-    let folder = tempfile::tempdir().unwrap();
-    for (name, text) in [("robot.toml", ROBOT)].iter().chain(files) {
-        fs::write(folder.path().join(name), text).unwrap();
-    }
-    folder
-}
-
-/// A folder in which measurements were simulated, too.
-fn simulated(simulation: &str, calibration: &str) -> tempfile::TempDir {
-    let folder = folder(&[
-        ("simulation.toml", simulation),
-        ("calibration.toml", calibration),
-    ]);
-    succeeds(folder.path(), "simulate simulation.toml --output data");
-    folder
+/// The draw wire's files, simulated.
+fn measured() -> tempfile::TempDir {
+    simulated(&[
+        ("simulation.toml", SIMULATION),
+        ("calibration.toml", CALIBRATION),
+    ])
 }
 
 /// Adds to a number of a row (from 0) of a CSV file, in its last column.
@@ -268,7 +232,7 @@ fn components(result: &serde_json::Value, set: &str, name: &str) -> Vec<serde_js
 }
 
 fn a_draw_wire_is_calibrated_from_a_file_with_positions() {
-    let folder = simulated(SIMULATION, CALIBRATION);
+    let folder = measured();
     let result = json(folder.path(), "calibrate calibration.toml --json");
     assert_eq!(result["trusted"], true, "{result:#}");
     let wire = &result["validation"].as_array().unwrap()[0];
@@ -294,7 +258,7 @@ fn a_draw_wire_is_calibrated_from_a_file_with_positions() {
 }
 
 fn an_outlier_of_a_draw_wire_is_told_by_its_row() {
-    let folder = simulated(SIMULATION, CALIBRATION);
+    let folder = measured();
     // Row 7 is not held out: rows 0, 4, 8, … are.
     disturb(&folder.path().join("data/wire.csv"), 7, 5e-3);
     let out = truing(folder.path(), "calibrate calibration.toml --json").1;
@@ -306,8 +270,7 @@ fn an_outlier_of_a_draw_wire_is_told_by_its_row() {
 }
 
 fn the_other_commands_know_it() {
-    let folder = simulated(SIMULATION, CALIBRATION);
-    fs::write(folder.path().join("study.toml"), STUDY).unwrap();
+    let folder = measured();
     succeeds(folder.path(), "check calibration.toml");
     // What it identifies is what a ball bar does.
     let identified = |kind: &str| -> Vec<(String, String)> {
@@ -335,18 +298,17 @@ fn the_other_commands_know_it() {
     };
     assert_eq!(symmetries("draw-wire"), symmetries("ball-bar"));
     assert_eq!(symmetries("ball-bar").as_array().unwrap().len(), 6);
-    let study = succeeds(folder.path(), "study study.toml --output study");
-    assert!(study.contains("tracker and wire"), "{study}");
+    assert_studied(folder.path(), &[("position", 40), ("draw-wire", 40)]);
 }
 
 fn a_misspelt_kind_is_told_the_nearest_name() {
     let wrong = CALIBRATION.replace("\"draw-wire\"", "\"draw-wier\"");
-    let folder = folder(&[("calibration.toml", &wrong)]);
+    let folder = plugin::folder(&[("calibration.toml", &wrong)]);
     let (status, _, error) = truing(folder.path(), "calibrate calibration.toml");
     assert_eq!(status, 2, "{error}");
     assert!(error.contains("draw-wire"), "{error}");
     let wrong = CALIBRATION.replace("holdout", "anker = 1\nholdout");
-    let folder = self::folder(&[("calibration.toml", &wrong)]);
+    let folder = plugin::folder(&[("calibration.toml", &wrong)]);
     let (status, _, error) = truing(folder.path(), "calibrate calibration.toml");
     assert_eq!(status, 2, "{error}");
     assert!(error.contains("anker"), "{error}");
@@ -384,7 +346,10 @@ kind = "scaled-tracker"
 data = "data/tracker.csv"
 sigma = "0.05 mm"
 "#;
-    let folder = simulated(simulation, calibration);
+    let folder = simulated(&[
+        ("simulation.toml", simulation),
+        ("calibration.toml", calibration),
+    ]);
     let result = json(folder.path(), "calibrate calibration.toml --json");
     let scale = &components(&result, "tracker", "scale")[0];
     let [scale, sigma] = ["estimate", "sigma"].map(|key| scale[key].as_f64().unwrap());

@@ -3,6 +3,7 @@
 #![allow(dead_code, reason = "each test file uses what it needs")]
 
 use libtest_mimic::{Arguments, Trial};
+use std::fs;
 use std::path::Path;
 use std::process::{Command, ExitCode, Stdio};
 use truing_robot::Plugin;
@@ -57,4 +58,59 @@ pub fn succeeds(folder: &Path, arguments: &str) -> String {
 pub fn json(folder: &Path, arguments: &str) -> serde_json::Value {
     let out = succeeds(folder, arguments);
     serde_json::from_str(&out).unwrap_or_else(|error| panic!("{error} in {out}"))
+}
+
+/// A folder with these files, and the robot of the shipped example as `robot.toml` if none of them is that.
+pub fn folder(files: &[(&str, &str)]) -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, text) in [("robot.toml", ROBOT)].iter().chain(files) {
+        fs::write(folder.path().join(name), text).unwrap();
+    }
+    folder
+}
+
+/// The same, in which `simulation.toml` was simulated to the folder `data`.
+#[track_caller]
+pub fn simulated(files: &[(&str, &str)]) -> tempfile::TempDir {
+    let folder = folder(files);
+    succeeds(folder.path(), "simulate simulation.toml --output data");
+    folder
+}
+
+/// The parameter of a result, or of what was identified, with this name.
+#[track_caller]
+pub fn parameter<'r>(result: &'r serde_json::Value, name: &str) -> &'r serde_json::Value {
+    let all = result["parameters"].as_array().unwrap();
+    let found = all.iter().find(|p| p["name"] == name);
+    found.unwrap_or_else(|| panic!("no {name} in {all:?}"))
+}
+
+/// A parameter's estimate and σ are those of a truth: not farther off than four σ, which is at most `sigma`.
+#[track_caller]
+pub fn assert_recovered(result: &serde_json::Value, name: &str, truth: f64, sigma: f64) {
+    let found = parameter(result, name);
+    let [estimate, s] = ["estimate", "sigma"].map(|key| found[key].as_f64().unwrap());
+    assert!(s <= sigma, "{found}");
+    assert!(
+        (estimate - truth).abs() <= 4.0 * s,
+        "{found}, truly {truth}"
+    );
+}
+
+/// A small study of `robot.toml` with so many measurements of each kind is run, and its method recovers.
+#[track_caller]
+pub fn assert_studied(folder: &Path, kinds: &[(&str, usize)]) {
+    let mut text = String::from(
+        "seed = 7\ntrials = 2\nconfigurations = 20\n[robot]\nfile = \"robot.toml\"\n[estimate]\n\
+         fixed = [\"gains\"]\n[errors]\nangle = \"0.1 deg\"\nlength = \"1 mm\"\n[[method]]\nname = \"Truing\"\n\
+         [[case]]\nname = \"all together\"\n",
+    );
+    for (kind, count) in kinds {
+        text += &format!(
+            "[[case.constraint]]\nkind = \"{kind}\"\ncount = {count}\nsigma = \"0.05 mm\"\n"
+        );
+    }
+    fs::write(folder.join("study.toml"), text).unwrap();
+    let shown = succeeds(folder, "study study.toml --output study");
+    assert!(shown.contains("all together"), "{shown}");
 }

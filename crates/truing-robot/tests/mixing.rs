@@ -1,6 +1,6 @@
-//! Poses, positions, touches of a known plane, touches of an unknown plane and visits of the same
-//! points can be mixed in any combination in one file: all 31 are read, run and trusted, and each
-//! identifies what the strongest of its kinds does.
+//! Poses, positions, touches of a known plane, touches of an unknown plane, visits of the same points and lengths
+//! to an anchor can be mixed in any combination in one file: all 63 are read, run and trusted, and each
+//! identifies all that any of its kinds sees.
 
 #[path = "support/cell.rs"]
 mod cell;
@@ -13,17 +13,35 @@ use truing_robot::simulate::simulate;
 
 const SIGMA: f64 = 5e-5;
 
-/// The kinds, with the parameters each alone identifies of a PUMA 560 on a generic base with a
-/// generic tool, gains apart: a pose has 4 for each of six joints and 6; a position misses the
-/// tool's orientation (3); a known plane misses 2 translations, 1 rotation and the scale, an unknown
-/// plane and a point all 6 rigid motions and the scale.
-const KINDS: [(&str, usize); 5] = [
-    ("pose", 30),
-    ("position", 27),
-    ("known-plane", 27 - 4),
-    ("unknown-plane", 27 - 7),
-    ("same-point", 27 - 7),
+/// The kinds, with what each cannot see of a PUMA 560 on a generic base with a generic tool, which has 30 parameters,
+/// gains apart (4 for each of six joints and 6): the tool's orientation (3), two translations along and one rotation about
+/// the normal of a known plane, the other three of a rigid motion, and the scale.
+const KINDS: [(&str, u8); 6] = [
+    ("pose", 0),
+    ("position", ORIENTATION),
+    ("known-plane", ORIENTATION | ALONG | SCALE),
+    ("unknown-plane", ORIENTATION | ALONG | ACROSS | SCALE),
+    ("same-point", ORIENTATION | ALONG | ACROSS | SCALE),
+    ("ball-bar", ORIENTATION | ALONG | ACROSS),
 ];
+
+const ORIENTATION: u8 = 1;
+const ALONG: u8 = 2;
+const ACROSS: u8 = 4;
+const SCALE: u8 = 8;
+
+/// How many parameters a subset of the kinds identifies: all but those that none of them sees.
+fn identified(subset: usize) -> usize {
+    let of_kind = |k: &usize| subset & (1 << k) != 0;
+    let unseen = (0..KINDS.len()).filter(of_kind).map(|k| KINDS[k].1);
+    let unseen = unseen.fold(u8::MAX, |all, one| all & one);
+    let sizes = [(ORIENTATION, 3), (ALONG, 3), (ACROSS, 3), (SCALE, 1)];
+    30 - sizes
+        .iter()
+        .filter(|(what, _)| unseen & what != 0)
+        .map(|(_, size)| size)
+        .sum::<usize>()
+}
 
 const SIMULATION: &str = r#"
 seed = 7
@@ -68,6 +86,13 @@ data = "visits.csv"
 count = 20
 sigma = "0.05 mm"
 points = [[0.55, 0.2, 0.5], [-0.1, 0.6, 0.7]]
+
+[[constraint]]
+kind = "ball-bar"
+data = "lengths.csv"
+count = 120
+sigma = "0.05 mm"
+anchors = [[0.9, 0.3, 0.2]]
 "#;
 
 /// A cell with the data of all kinds, and the pieces of its calibration file: the start, then each
@@ -124,60 +149,58 @@ fn assert_fits(subset: usize, result: &CalibrationResult) {
             let rms = rms.unwrap_or(size) / size;
             assert!(
                 (0.5..2.0).contains(&rms),
-                "{subset:05b} {}: {rms}",
+                "{subset:06b} {}: {rms}",
                 set.name
             );
         }
     }
     // ± 4 deviates of √(χ²/n) with 50 degrees of freedom or more: 1 ± 4 / √100.
     let sigma0 = result.sigma0.unwrap();
-    assert!((0.6..1.4).contains(&sigma0), "{subset:05b}: σ₀ = {sigma0}");
+    assert!((0.6..1.4).contains(&sigma0), "{subset:06b}: σ₀ = {sigma0}");
 }
 
-fn all_31_combinations(gains: bool) {
+fn all_combinations(gains: bool) {
     let (cell, pieces) = measured(gains);
-    let mut counts = [0; 32];
-    for subset in 1..32 {
+    let mut counts = [0; 64];
+    for subset in 1..64 {
         let result = calibrated(&cell, &pieces, subset);
         assert!(
             result.termination.converged,
-            "{subset:05b}: {}",
+            "{subset:06b}: {}",
             result.termination.message
         );
-        assert!(result.trusted, "{subset:05b}: {:?}", result.warnings);
+        assert!(result.trusted, "{subset:06b}: {:?}", result.warnings);
         assert_fits(subset, &result);
-        let of_kind = |k: &usize| subset & (1 << k) != 0;
-        let strongest = (0..KINDS.len()).filter(of_kind).map(|k| KINDS[k].1).max();
-        let expected = strongest.unwrap() + if gains { 6 } else { 0 };
-        assert_eq!(result.identifiable, expected, "{subset:05b}: {KINDS:?}");
+        let expected = identified(subset) + if gains { 6 } else { 0 };
+        assert_eq!(result.identifiable, expected, "{subset:06b}: {KINDS:?}");
         counts[subset] = result.identifiable;
     }
-    for subset in 1..32 {
+    for subset in 1..64 {
         for kind in 0..KINDS.len() {
             let more = subset | (1 << kind);
-            assert!(counts[more] >= counts[subset], "{subset:05b} and {kind}");
+            assert!(counts[more] >= counts[subset], "{subset:06b} and {kind}");
         }
     }
 }
 
 #[test]
-fn any_combination_of_the_five_kinds_calibrates() {
-    all_31_combinations(false);
+fn any_combination_of_the_six_kinds_calibrates() {
+    all_combinations(false);
 }
 
 /// Each kind excites every joint: the six gains come on top, whatever the kind.
 #[test]
-fn any_combination_of_the_five_kinds_calibrates_with_gains() {
-    all_31_combinations(true);
+fn any_combination_of_the_six_kinds_calibrates_with_gains() {
+    all_combinations(true);
 }
 
 /// The order of the constraints in the file is no input: the result is the same but for rounding.
 #[test]
 fn the_order_of_the_constraints_does_not_matter() {
     let (cell, mut pieces) = measured(false);
-    let forward = calibrated(&cell, &pieces, 0b11111);
+    let forward = calibrated(&cell, &pieces, 0b111111);
     pieces[1..].reverse();
-    let backward = calibrated(&cell, &pieces, 0b11111);
+    let backward = calibrated(&cell, &pieces, 0b111111);
     for (a, b) in forward.parameters.iter().zip(&backward.parameters) {
         assert_eq!((&a.name, &a.status), (&b.name, &b.status));
         // Both stop within rounding of the same minimum, which is flat to 1e-7 of a σ.

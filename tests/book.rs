@@ -362,6 +362,7 @@ fn every_code_block_is_a_piece_of_a_file_that_the_tests_run() {
                 "../../crates/truing/examples/",
                 "../../crates/truing-robot/examples/",
                 "../../examples/",
+                "../../tests/",
                 "../../examples/puma560/",
                 "../../examples/planar/",
                 "output/",

@@ -13,6 +13,7 @@ use std::path::Path;
 use std::process::ExitCode;
 
 /// Everything that a joint model from outside takes, to be counted.
+// ANCHOR: all
 mod eccentric {
     use truing::Scalar;
     use truing_robot::Plugin;
@@ -46,6 +47,7 @@ mod eccentric {
         }
     }
 }
+// ANCHOR_END: all
 
 /// The robot with the gear in its shoulder, and the values of the gear.
 fn robot(values: &str) -> String {

@@ -11,6 +11,7 @@ use std::path::Path;
 use std::process::ExitCode;
 
 /// Everything that a kind from outside takes, to be counted.
+// ANCHOR: all
 mod draw_wire {
     use std::sync::Arc;
     use truing::manifold::{Point3, Vector};
@@ -75,6 +76,7 @@ mod draw_wire {
         }
     }
 }
+// ANCHOR_END: all
 
 /// A tracker that reads (1 + scale) times what is there: an unknown that is the instrument's.
 mod scaled_tracker {

@@ -9,7 +9,7 @@ use super::serial::Robot;
 use std::sync::Arc;
 use truing::manifold::Pose;
 use truing::nalgebra::{Matrix3, SMatrix, Vector3};
-use truing::{Constraint, Jacobian, Point, Scalar, Vars, autodiff};
+use truing::{Constraint, Jacobian, Point, Scalar, Vars, autodiff, value};
 
 /// How a robot's constraints are differentiated.
 #[derive(Clone)]
@@ -51,6 +51,16 @@ impl Chain {
     /// Position of a tool point in the reference frame \[m\].
     pub fn tip<T: Scalar>(&self, parameters: &[T], q: &[f64], target: &Vector3<T>) -> Vector3<T> {
         self.robot.forward(parameters, q).apply(target)
+    }
+}
+
+/// ‖v‖, with derivative zero instead of none at zero, where two points coincide.
+pub fn norm<T: Scalar>(v: &Vector3<T>) -> T {
+    let square = v.x * v.x + v.y * v.y + v.z * v.z;
+    if value(square) == 0.0 {
+        T::zero()
+    } else {
+        square.sqrt()
     }
 }
 

@@ -1,6 +1,6 @@
 //! Values that several tables have: positive quantities, points, poses, planes, lists of places.
 
-use super::error::InputError;
+use super::error::{InputError, suggest};
 use super::item::Item;
 use super::quantity::{Dimension, Quantity, Units};
 use super::section::Section;
@@ -52,6 +52,21 @@ impl Item<'_> {
         Err(self
             .error(format!("found {value}; expected 0 or more"))
             .with_help("write it without a sign"))
+    }
+
+    /// Whether it is the word `estimate`, in place of what is known otherwise: `a length`.
+    ///
+    /// # Errors
+    ///
+    /// It is another word.
+    pub fn is_estimate(&self, otherwise: &str) -> Result<bool, InputError> {
+        match self.as_str().map(str::trim) {
+            Some("estimate") => Ok(true),
+            Some(word) if word.starts_with(char::is_alphabetic) => Err(self
+                .wrong_type(&format!("{otherwise} or \"estimate\""))
+                .with_help(suggest(word, &["estimate"]))),
+            _ => Ok(false),
+        }
     }
 
     /// `[x, y, z]`, lengths \[m\].

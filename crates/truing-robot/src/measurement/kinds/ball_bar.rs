@@ -11,14 +11,13 @@ use crate::measurement::measurand::Measurand;
 use crate::measurement::places::Places;
 use crate::measurement::set::MeasurementSet;
 use crate::robot::Chain;
-use crate::robot::chain::{reference_or_regressor, regressor_at, write_block, write_tip};
-use crate::text::error::suggest;
+use crate::robot::chain::{norm, reference_or_regressor, regressor_at, write_block, write_tip};
 use crate::text::{InputError, ManyOf, Section, Units};
 use crate::unknown::{Unknown, Value};
 use std::sync::Arc;
 use truing::manifold::{Point3, Vector};
 use truing::nalgebra::{DMatrix, DVector, SMatrix, Vector3};
-use truing::{Constraint, Jacobian, Point, Scalar, Views, autodiff, value};
+use truing::{Constraint, Jacobian, Point, Scalar, Views, autodiff};
 
 /// The length from a tool point to an anchor: r = ‖base_from_tool · target − anchor‖ − length \[m\].
 ///
@@ -31,16 +30,6 @@ pub struct AnchorLength {
     pub q: Vec<f64>,
     /// The length that was read \[m\].
     pub length: f64,
-}
-
-/// ‖v‖, with derivative zero instead of none where the tool point is at the anchor.
-fn norm<T: Scalar>(v: &Vector3<T>) -> T {
-    let square = v.x * v.x + v.y * v.y + v.z * v.z;
-    if value(square) == 0.0 {
-        T::zero()
-    } else {
-        square.sqrt()
-    }
 }
 
 impl Constraint for AnchorLength {
@@ -233,14 +222,9 @@ impl Kind for BallBar {
         units: &Units,
     ) -> Result<Option<Arc<dyn Kind>>, InputError> {
         let item = table.require("anchor", "expected a point [x, y, z] or \"estimate\"")?;
-        let anchor = match item.as_str().map(str::trim) {
-            Some("estimate") => None,
-            Some(word) => {
-                return Err(item
-                    .wrong_type("a point [x, y, z] or \"estimate\"")
-                    .with_help(suggest(word, &["estimate"])));
-            }
-            None => Some(item.point(units)?),
+        let anchor = match item.is_estimate("a point [x, y, z]")? {
+            true => None,
+            false => Some(item.point(units)?),
         };
         Ok(Some(Arc::new(Self { anchor })))
     }

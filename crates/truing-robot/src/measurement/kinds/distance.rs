@@ -10,15 +10,14 @@ use crate::measurement::measurand::Measurand;
 use crate::measurement::places::Places;
 use crate::measurement::readings::Tool;
 use crate::measurement::set::MeasurementSet;
-use crate::robot::chain::{reference_or_regressor, write_block, write_tip};
+use crate::robot::chain::{norm, reference_or_regressor, write_block, write_tip};
 use crate::robot::{Chain, Regressor, Unit};
-use crate::text::error::suggest;
 use crate::text::{Dimension, InputError, Section, Units};
 use crate::unknown::{Unknown, Value};
 use std::sync::Arc;
 use truing::manifold::{Point3, Pose, Vector};
 use truing::nalgebra::{SMatrix, Vector3};
-use truing::{Constraint, Jacobian, Point, Scalar, Views, autodiff, value};
+use truing::{Constraint, Jacobian, Point, Scalar, Views, autodiff};
 
 /// The distance between tool points of two robots: r = ‖p_a − p_b‖ − distance \[m\].
 ///
@@ -35,16 +34,6 @@ pub struct Distance {
     pub q_a: Vec<f64>,
     /// Joint values of robot b.
     pub q_b: Vec<f64>,
-}
-
-/// ‖v‖, with derivative zero instead of none where the points coincide.
-fn norm<T: Scalar>(v: &Vector3<T>) -> T {
-    let square = v.x * v.x + v.y * v.y + v.z * v.z;
-    if value(square) == 0.0 {
-        T::zero()
-    } else {
-        square.sqrt()
-    }
 }
 
 /// ‖a − b‖ − d with its gradient (1 × 7) in a, b and d.
@@ -264,15 +253,8 @@ impl Kind for Distances {
         units: &Units,
     ) -> Result<Option<Arc<dyn Kind>>, InputError> {
         let item = table.require("distance", "expected a length or \"estimate\"")?;
-        if let Some(word) = item.as_str().map(str::trim)
-            && word.starts_with(|c: char| c.is_alphabetic())
-        {
-            return match word {
-                "estimate" => Ok(Some(Arc::new(Self { distance: None }))),
-                _ => Err(item
-                    .wrong_type("a length or \"estimate\"")
-                    .with_help(suggest(word, &["estimate"]))),
-            };
+        if item.is_estimate("a length")? {
+            return Ok(Some(Arc::new(Self { distance: None })));
         }
         let value = item.in_units(Dimension::Length, units)?;
         if value > 0.0 {

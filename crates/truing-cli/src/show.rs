@@ -75,7 +75,8 @@ pub fn people(p: &ParameterResult) -> (f64, &'static str) {
     match p.unit {
         "m" => (1e3, "mm"),
         "rad" => (1.0_f64.to_degrees(), "deg"),
-        _ => (1.0, ""),
+        "1" => (1.0, ""),
+        other => (1.0, other),
     }
 }
 

@@ -110,6 +110,8 @@ fn the_result_has_the_promised_fields() {
             "correlations",
             "cost",
             "distances",
+            "doubts",
+            "everywhere",
             "frames",
             "identifiable",
             "initial_cost",
@@ -784,11 +786,17 @@ fn with_outlier(cell: &Cell, off: f64, sigma: impl Fn(usize) -> f64) -> String {
 #[test]
 fn a_standard_deviation_a_row_weighs_that_row() {
     let cell = Cell::new();
+    // What is held near nominal depends a little on all of the noise.
+    cell.edit(
+        "calibration.toml",
+        "[[constraint]]",
+        "[estimate]\ndrawing = false\n\n[[constraint]]",
+    );
     let clean = cell.calibrate();
     cell.write("tracker.csv", with_outlier(&cell, 0.0, |_| 5e-5));
     assert_eq!(cell.calibrate()["parameters"], clean["parameters"]);
     cell.write("tracker.csv", with_outlier(&cell, 0.05, |_| 5e-5));
-    let spoilt = cell.calibrate();
+    let spoilt = cell.distrusted();
     cell.write(
         "tracker.csv",
         with_outlier(&cell, 0.05, |k| if k == 7 { 1e3 } else { 5e-5 }),
@@ -812,7 +820,7 @@ fn a_robust_loss_is_not_drawn_by_a_gross_outlier() {
     let cell = Cell::new();
     let clean = cell.calibrate();
     cell.write("tracker.csv", with_outlier(&cell, 0.05, |_| 5e-5));
-    let squared = cell.calibrate();
+    let squared = cell.distrusted();
     cell.append("calibration.toml", "loss = \"huber(1.5)\"\n");
     let robust = cell.calibrate();
     let (squared, robust) = (difference(&squared, &clean), difference(&robust, &clean));
@@ -888,6 +896,12 @@ fn two_robots_are_written_to_two_files() {
 #[test]
 fn what_is_said_of_the_residuals_follows_from_the_files() {
     let cell = with_key("name = \"laser, \\\"long\\\"\"\nholdout = { every = 10, rows = [0] }\n");
+    // Priors take shares of the unknowns.
+    cell.edit(
+        "calibration.toml",
+        "[[constraint]]",
+        "[estimate]\ndrawing = false\n\n[[constraint]]",
+    );
     let run = cell.run(&SAVE);
     assert_eq!(run.status, 0, "{}", run.stderr);
     let result: Value = serde_json::from_str(&cell.read("out/result.json")).unwrap();

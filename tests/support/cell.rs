@@ -32,6 +32,14 @@ impl Cell {
         assert_eq!(run.status, 0, "{}", run.stderr);
         run.json()
     }
+
+    /// The same of a result that must not be trusted; exit status 1.
+    #[track_caller]
+    pub fn distrusted(&self) -> serde_json::Value {
+        let run = self.run(&["calibrate", "calibration.toml", "--json"]);
+        assert_eq!(run.status, 1, "{}", run.stderr);
+        run.json()
+    }
 }
 
 /// What a run of the program left.

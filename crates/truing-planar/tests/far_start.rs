@@ -96,6 +96,7 @@ fn a_far_start_is_told_and_counted() {
         let said = result.warnings.iter().any(|w| w.contains("continuation"));
         told += usize::from(said);
         calibration.estimate.strategy = Strategy::Direct;
+        calibration.estimate.drawing = None;
         let direct = calibration.run(&|_| {}).unwrap();
         let lost = direct.solution.cost > 2.0 * outcome.solution.cost;
         failed += usize::from(lost);
@@ -206,6 +207,7 @@ fn outliers_do_not_keep_a_far_robot_away() {
 fn an_understated_sigma_does_not_send_it_searching() {
     let (_, mut calibration) = calibration(4, 0.05);
     calibration.sets[0] = calibration.sets[0].clone().sigma(&[1e-5]);
+    calibration.estimate.drawing = None;
     let auto = calibration.run(&|_| {}).unwrap();
     calibration.estimate.strategy = Strategy::Direct;
     let direct = calibration.run(&|_| {}).unwrap();
@@ -246,6 +248,7 @@ fn a_robot_whose_joints_do_not_matter_is_not_trusted() {
         })
         .collect();
     calibration.estimate.from = Some(vec![flat]);
+    calibration.estimate.drawing = None;
     let result = calibration.run(&|_| {}).unwrap().result;
     let rms = result.constraints[0].after.as_ref().unwrap().rms;
     assert!(rms < 1e-6, "it fits: {rms:e}");

@@ -35,6 +35,7 @@
 //! ```
 
 pub mod check;
+pub mod doubt;
 mod error;
 pub mod estimate;
 pub mod file;

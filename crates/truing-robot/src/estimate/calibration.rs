@@ -27,6 +27,9 @@ pub struct Estimate {
     pub bounds: Vec<(String, f64, f64)>,
     /// Priors about nominal: one standard deviation [m, rad or 1].
     pub priors: Vec<(String, f64)>,
+    /// How far robots may be from their drawings, as a part of their dimensions: what the data barely see is held
+    /// there. None holds nothing; a part of 0.01 by default.
+    pub drawing: Option<f64>,
     /// Parameters in order of preference; those left out follow in the default order.
     pub preference: Vec<String>,
     /// How constraints are differentiated.
@@ -47,6 +50,7 @@ impl Default for Estimate {
             fixed: Vec::new(),
             bounds: Vec::new(),
             priors: Vec::new(),
+            drawing: Some(0.01),
             preference: Vec::new(),
             derivatives: Derivatives::default(),
             settings: Settings::default(),

@@ -28,7 +28,8 @@ impl Job {
                     .problem
                     .bound_component(var, *parameter, lower, upper);
             }
-            for (robot, parameter, sigma) in &self.estimate.priors {
+            for (robot, parameter, sigma) in self.estimate.priors.iter().chain(&self.estimate.held)
+            {
                 let var = assembly.robot(*robot);
                 if choices[var.column() + parameter] == Choice::Estimated {
                     let nominal = self.arms[*robot].robot.nominal();

@@ -30,6 +30,10 @@ pub(crate) struct Chosen {
     pub bounds: Vec<(usize, usize, f64, f64)>,
     /// Robot, parameter, standard deviation.
     pub priors: Vec<(usize, usize, f64)>,
+    /// How far drawings are off, as a part of the robots' dimensions; none to hold nothing.
+    pub drawing: Option<f64>,
+    /// What the drawings say, as priors.
+    pub held: Vec<(usize, usize, f64)>,
     /// All parameters as (robot, parameter), those kept first first.
     pub preference: Vec<(usize, usize)>,
     pub derivatives: Derivatives,
@@ -99,16 +103,10 @@ impl Job {
         Ok(largest)
     }
 
-    /// How far the tools reach, about \[m\]: 4/3 of the RMS distance of random postures' tool points
-    /// from their middle.
+    /// How far the tools reach, about \[m\], on average over the robots.
     pub fn reach(&self) -> f64 {
-        const POSTURES: usize = 100;
-        let sizes = self
-            .arms
-            .iter()
-            .map(|arm| posture::spread(&arm.robot, &arm.robot.nominal(), POSTURES, 0));
-        let reach = 4.0 / 3.0 * sizes.sum::<f64>() / self.arms.len().max(1) as f64;
-        if reach > 0.0 { reach } else { 1.0 }
+        let sizes: f64 = self.arms.iter().map(|arm| posture::reach(&arm.robot)).sum();
+        sizes / self.arms.len().max(1) as f64
     }
 
     /// Where a bounded parameter ended, if it is at one of its bounds.
@@ -196,6 +194,8 @@ fn chosen(calibration: &Calibration) -> Result<Chosen, Error> {
         wanted,
         bounds,
         priors,
+        drawing: estimate.drawing,
+        held: Vec::new(),
         preference: order,
         derivatives: estimate.derivatives.clone(),
         settings: estimate.settings.clone(),

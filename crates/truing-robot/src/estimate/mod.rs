@@ -3,6 +3,7 @@
 mod calibration;
 mod check_sets;
 mod columns;
+mod drawing;
 mod estimated;
 mod far;
 mod job;

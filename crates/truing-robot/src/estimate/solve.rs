@@ -2,7 +2,7 @@
 
 use super::job::Job;
 use super::search::left;
-use super::words::DISTRUST;
+use crate::doubt::{Doubt, SearchEnd};
 use crate::error::Error;
 use crate::identify::{Choice, in_order, select};
 use crate::measurement::MeasurementSet;
@@ -18,7 +18,7 @@ impl Job {
     /// found it. Otherwise the file knows better: a registration that the data hardly determine may wander.
     pub fn near(&self, begin: &State, registered: &State) -> Result<State, Error> {
         let off = self.misfit(begin)?;
-        let far = off > FAR && self.misfit(registered)? < 0.5 * off;
+        let far = off > FAR * self.reach() && self.misfit(registered)? < 0.5 * off;
         Ok(if far { registered } else { begin }.clone())
     }
 
@@ -92,12 +92,14 @@ impl Job {
         &self,
         from: &State,
         choices: &[Choice],
-        warnings: &mut Vec<String>,
+        doubts: &mut Vec<Doubt>,
     ) -> Result<(Assembly, State, Solution), Error> {
-        let assembly = self.columns_assembled(from, choices, true)?;
+        let mut free = self.clone();
+        free.estimate.held = Vec::new();
+        let assembly = free.columns_assembled(from, choices, true)?;
         let deadline = self.estimate.settings.timeout.map(|t| Instant::now() + t);
         let Some(found) = self.far_start(from, &assembly, choices, deadline)? else {
-            return self.solve_assembled(assembly, true);
+            return self.solve_assembled(self.columns_assembled(from, choices, true)?, true);
         };
         let settings = Settings {
             timeout: deadline.map(left),
@@ -115,24 +117,17 @@ impl Job {
         solution.iterations += found.iterations;
         solution.evaluations.residual += found.evaluations.residual;
         solution.evaluations.jacobian += found.evaluations.jacobian;
-        let tried = match found.starts {
-            1 => "one continuation".to_owned(),
-            n => format!("{n} continuations from places near it"),
+        let end = match (found.stopped, found.sure) {
+            (true, _) => SearchEnd::Stopped,
+            (false, false) => SearchEnd::Unsure,
+            (false, true) => SearchEnd::Found,
         };
-        let far =
-            "the nominal robot is far from what was measured, and a few plain steps did not fit it";
-        if found.stopped {
-            warnings.push(format!(
-                "{DISTRUST}{far}; the search for a better start was stopped after {tried}"
-            ));
-        } else if !found.sure {
-            warnings.push(format!(
-                "{DISTRUST}{far}; {tried} led to none that is down to the noise (weighted residuals of {:.1} RMS at best), \
-                 nor two to the same one: the robot file, its units, the measurements or their `sigma` may be wrong",
-                found.rms
-            ));
-        } else if found.starts > 0 {
-            warnings.push(format!("{far}: found by {tried}"));
+        if end != SearchEnd::Found || found.starts > 0 {
+            doubts.push(Doubt::FarStart {
+                starts: found.starts,
+                rms: found.rms,
+                end,
+            });
         }
         let mut state = assembly.state(&solution.values);
         start_eliminated(&self.arms, &self.sets, &mut state);
@@ -148,6 +143,15 @@ impl Job {
     ) -> Result<(Assembly, State, Solution), Error> {
         let assembly = self.columns_assembled(from, choices, full)?;
         self.solve_assembled(assembly, full)
+    }
+
+    /// The minimum near a solution.
+    pub fn solve_near(&self, assembly: Assembly) -> Result<(Assembly, State, Solution), Error> {
+        let initial = assembly.problem.initial();
+        let solution = solve_from(&assembly.problem, initial, &self.estimate.settings)?;
+        let mut state = assembly.state(&solution.values);
+        start_eliminated(&self.arms, &self.sets, &mut state);
+        Ok((assembly, state, solution))
     }
 
     fn solve_assembled(
@@ -182,7 +186,7 @@ impl Job {
     }
 }
 
-/// Errors [m] above which the robot does not stand where its file says.
+/// Errors above this part of its reach: the robot does not stand where its file says.
 pub const FAR: f64 = 0.05;
 
 /// The solution of a problem in which nothing is free.

@@ -1,9 +1,11 @@
 //! The estimate of a calibration: start, registration, what can be estimated, the solution.
 
+use super::drawing::{Held, Prior};
 use super::job::Job;
 use super::solve::FAR;
 use super::stage::Stage;
 use super::words::shortened;
+use crate::doubt::Doubt;
 use crate::error::Error;
 use crate::identify::{Choice, in_order, select};
 use crate::model::{Assembly, Owner};
@@ -31,6 +33,8 @@ pub(crate) struct Solved {
     pub assembly: Assembly,
     pub choices: Vec<Choice>,
     pub solution: Solution,
+    /// The priors of manufacturing size.
+    pub held: Vec<Prior>,
 }
 
 impl Job {
@@ -38,7 +42,7 @@ impl Job {
     pub fn solve_checked(
         &self,
         registration: Registration,
-        warnings: &mut Vec<String>,
+        doubts: &mut Vec<Doubt>,
         watch: &dyn Fn(Stage),
     ) -> Result<Solved, Error> {
         let derivatives = &self.estimate.derivatives;
@@ -49,15 +53,15 @@ impl Job {
         let off = self.misfit(&begin)?;
         let mut registered = begin.clone();
         if registration == Registration::Always
-            || (registration == Registration::IfFar && off > FAR)
+            || (registration == Registration::IfFar && off > FAR * self.reach())
         {
             let solution;
             (registered, solution) = self.register(&begin)?;
             if !solution.termination.converged() {
-                warnings.push(format!(
+                doubts.push(Doubt::note(format!(
                     "the registration of the nominal robot, with which it is compared, did not converge: {}",
                     solution.termination
-                ));
+                )));
             }
         }
 
@@ -90,10 +94,10 @@ impl Job {
             .collect();
         let priors = priors.iter().filter(counts).count();
         if !idle.is_empty() && priors == 0 {
-            warnings.push(format!(
+            doubts.push(Doubt::note(format!(
                 "no prior has an effect: {} are not estimated",
                 shortened(&idle)
-            ));
+            )));
         }
         if rows + priors < unknowns {
             return Err(Error::calibration(
@@ -105,9 +109,7 @@ impl Job {
             ));
         }
         if rows + priors == unknowns {
-            warnings.push(format!(
-                "there are as many unknowns as measured values, {rows}: they fit whatever was measured, and nothing checks them"
-            ));
+            doubts.push(Doubt::Unchecked { rows });
         }
 
         watch(Stage::Estimating);
@@ -116,7 +118,12 @@ impl Job {
             None => near,
         };
         let from = self.starting_state(&near, &choices, &layout);
-        let (assembly, estimated, solution) = self.estimate_columns(&from, &choices, warnings)?;
+        let Held {
+            assembly,
+            state: estimated,
+            solution,
+            held,
+        } = self.solve_held(&from, &choices, &layout, doubts)?;
         Ok(Solved {
             begin,
             registered,
@@ -124,6 +131,7 @@ impl Job {
             assembly,
             choices,
             solution,
+            held,
         })
     }
 }

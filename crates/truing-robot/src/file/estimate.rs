@@ -116,6 +116,8 @@ pub struct EstimateSpec {
     pub bounds: Vec<(Spanned<String>, BoundSpec)>,
     /// One standard deviation about nominal by name or pattern, more than zero, in that order.
     pub prior: Vec<(Spanned<String>, Quantity)>,
+    /// How far robots may be from their drawings, as a part of their dimensions; none if `false` turned it off.
+    pub drawing: Option<f64>,
     /// Names and patterns, kept first to eliminated first; empty for the default order.
     pub preference: Vec<Spanned<String>>,
     /// How Jacobians are made.
@@ -137,6 +139,7 @@ impl Default for EstimateSpec {
             fixed: Vec::new(),
             bounds: Vec::new(),
             prior: Vec::new(),
+            drawing: Some(DRAWING),
             preference: Vec::new(),
             jacobian: JacobianKind::default(),
             solver: SolverKind::default(),
@@ -163,6 +166,7 @@ impl EstimateSpec {
             fixed: table.strings("fixed")?.unwrap_or_default(),
             bounds: entries(&mut table, "bounds", bound)?,
             prior: entries(&mut table, "prior", |item| item.positive_quantity())?,
+            drawing: drawing(&mut table)?,
             preference: table.strings("preference")?.unwrap_or_default(),
             jacobian: choice(&mut table, "jacobian", &JacobianKind::NAMES)?,
             solver: choice(&mut table, "solver", &SolverKind::NAMES)?,
@@ -232,6 +236,24 @@ fn choice<T: Copy + Default>(
             .with_help(suggest(&name, &names))
     })
 }
+
+fn drawing(table: &mut Section<'_>) -> Result<Option<f64>, InputError> {
+    let Some(item) = table.get("drawing") else {
+        return Ok(Some(DRAWING));
+    };
+    if matches!(item.boolean(), Ok(off) if !off.value) {
+        return Ok(None);
+    }
+    match item.number() {
+        Ok(part) if part.value > 0.0 && part.value <= 1.0 => Ok(Some(part.value)),
+        _ => Err(item
+            .wrong_type("a number above 0, at most 1, or false")
+            .with_help("give how far a drawing may be off as a part of the robot's dimensions (0.01 by default); false holds nothing")),
+    }
+}
+
+/// Drawings are off by a part of the robot's dimensions of this size, if nothing is said.
+const DRAWING: f64 = 0.01;
 
 fn at_least_one(item: &Item<'_>) -> Result<usize, InputError> {
     match item.integer()?.value {

@@ -7,18 +7,22 @@ use super::twin::{LEAST, SEED, structural_twin};
 use crate::error::Error;
 use crate::measurement::MeasurementSet;
 use crate::model::{Assembly, Owner};
-use crate::robot::{Arm, Derivatives, ParameterKind};
+use crate::robot::{Arm, Derivatives, ParameterKind, Unit, posture};
 use crate::unknown::State;
 use truing::identifiability::{ColumnStatus, base_columns};
 
 /// What is left of a scaled column at the data's own configurations, below which they do not move it.
 const EXCITATION: f64 = 1e-7;
 
+/// What is left of a scaled column at configurations that satisfy the constraints exactly, below which others are
+/// preferred to it whatever the order says.
+const WELL: f64 = 1e-3;
+
 /// What is left of a parameter's scaled column at the data's own configurations, above which it is
 /// kept before all others.
 const EXCITED_WELL: f64 = 0.3;
 
-/// A robot's parameter that the data leave uncertain by more than this [m, rad or 1], even if those
+/// A robot's parameter that the data leave uncertain by more than this [rad, 1 or reaches], even if those
 /// preferred to it were known, is not determined at all.
 const WEAKEST: f64 = 1.0;
 
@@ -52,6 +56,13 @@ pub fn structure(
     let mut choices = vec![Choice::Fixed; twin.columns.len()];
     let order: Vec<usize> = (0..wanted.len()).collect();
     let structure = compressed(&twin, wanted);
+    // Preference is among equals: a column of which hardly anything is left would stand for others with huge
+    // coefficients, and is the last to be kept.
+    let well = base_columns(&structure, &order, WELL);
+    let (well, hardly): (Vec<usize>, Vec<usize>) = order
+        .iter()
+        .partition(|k| well[**k] == ColumnStatus::Identifiable);
+    let order: Vec<usize> = well.into_iter().chain(hardly).collect();
     let base = base_columns(&structure, &order, STRUCTURE);
     let anchors = scale_anchors(arms, twin_sets, state, &twin, &structure, wanted, &base)?;
     for (k, (status, column)) in base.into_iter().zip(wanted).enumerate() {
@@ -105,13 +116,23 @@ pub fn excited(
         !parameter || status[**k] == ColumnStatus::Identifiable
     });
     kept = well.iter().chain(&hardly).map(|k| kept[*k]).collect();
+    let reach: Vec<f64> = arms.iter().map(|arm| posture::reach(&arm.robot)).collect();
+    let size = |column: usize| match data.columns[column].owner {
+        Owner::Parameter { robot, parameter } => {
+            match arms[robot].robot.parameters()[parameter].unit() {
+                Unit::Meter => reach[robot],
+                _ => 1.0,
+            }
+        }
+        _ => 1.0,
+    };
     // Left out one by one, since leaving one out is what the next may need to be determined.
     loop {
         let triangle = compressed(&data, &kept);
         let dark = (0..kept.len()).find(|k| {
             let (left, column) = (triangle[(*k, *k)].abs(), kept[*k]);
             let robot = matches!(data.columns[column].owner, Owner::Parameter { .. });
-            let weak = robot && left * WEAKEST < 1.0;
+            let weak = robot && left * WEAKEST * size(column) < 1.0;
             let unmoved = left <= EXCITATION * triangle.column(*k).norm();
             (unmoved || weak) && !with_prior.contains(&column)
         });

@@ -1,11 +1,11 @@
-//! What makes a result doubtful, in words.
+//! What makes a result doubtful.
 
 use super::errors::Fitted;
 use super::figures::SetResult;
-use super::prediction::Prediction;
 use super::uncertainty::Uncertainty;
+use crate::doubt::Doubt;
 use crate::estimate::Job;
-use crate::estimate::words::{DISTRUST, shortened};
+use crate::estimate::words::shortened;
 use crate::identify::Choice;
 use crate::model::{Assembly, Owner};
 use crate::robot::Unit;
@@ -19,52 +19,48 @@ impl Job {
         fitted: &Fitted,
         sets: &[SetResult],
         validation: &[SetResult],
-        warnings: &mut Vec<String>,
+        doubts: &mut Vec<Doubt>,
     ) {
         let reach = self.reach();
         for set in validation {
             let Some(after) = &set.after else { continue };
             // Registration may have made the nominal robot worse: it is as good as the better of both.
-            let (best, whose) = match (&set.before, &set.registered) {
+            let (best, registered) = match (&set.before, &set.registered) {
                 (Some(before), Some(registered)) if before.rms < registered.rms => {
-                    (before.rms, "the nominal robot of the file")
+                    (before.rms, false)
                 }
-                (_, Some(registered)) => (registered.rms, "the registered nominal one"),
+                (_, Some(registered)) => (registered.rms, true),
                 _ => continue,
             };
-            if after.rms > best + NOTHING {
-                let distrust = if after.rms > WORSE * best {
-                    DISTRUST
-                } else {
-                    ""
-                };
-                warnings.push(format!(
-                    "{distrust}the calibrated robot predicts `{}` worse than {whose}: {:.4} mm against {:.4} mm RMS on rows \
-                     that were not used",
-                    set.name,
-                    after.rms * 1e3,
-                    best * 1e3
-                ));
+            if after.rms > best + NOTHING * reach {
+                doubts.push(Doubt::HeldOutWorse {
+                    set: set.name.clone(),
+                    calibrated: after.rms,
+                    nominal: best,
+                    registered,
+                    fatal: after.rms > WORSE * best,
+                });
             }
             if after.rms > ABSURD * reach {
-                warnings.push(format!(
-                    "{DISTRUST}the calibrated robot predicts `{}` {:.1} mm wrong on rows that were not used, and reaches \
-                     {:.0} mm: are the units of the robot file right, and those of the data?",
-                    set.name,
-                    after.rms * 1e3,
-                    reach * 1e3
-                ));
+                doubts.push(Doubt::Absurd {
+                    set: set.name.clone(),
+                    error: after.rms,
+                    reach,
+                });
             }
         }
         for (set, result) in self.sets.iter().zip(sets) {
-            let far = result.registered.as_ref().is_some_and(|e| e.rms > 0.2);
+            let far = result
+                .registered
+                .as_ref()
+                .is_some_and(|e| e.rms > ELSEWHERE * reach);
             if far && set.frame.is_none() && set.kind.has_frame() && result.unit == "m" {
-                warnings.push(format!(
+                doubts.push(Doubt::note(format!(
                     "`{}` lies {:.2} m RMS from the registered nominal robot; if its readings are in a sensor's own frame, \
                      say so: frame = \"tracker\"",
                     set.name,
                     result.registered.as_ref().map_or(0.0, |e| e.rms)
-                ));
+                )));
             }
         }
         for (arm, (nominal, estimate)) in self
@@ -88,35 +84,13 @@ impl Job {
                 total += nominal.abs();
                 change += (estimate - nominal) * (estimate - nominal);
             }
-            if change.sqrt() > (DEFORMED * total).max(SLIGHT) {
-                warnings.push(format!(
-                    "{DISTRUST}the lengths of {} moved by {:.0} mm in all, of {total:.3} m: no drawing is that \
-                     wrong; either the data hardly determine them (add a `prior` about nominal, or measurements that do), or the \
-                     file is of another robot",
-                    arm.title(),
-                    change.sqrt() * 1e3
-                ));
+            if change.sqrt() > (DEFORMED * total).max(SLIGHT * reach) {
+                doubts.push(Doubt::Deformed {
+                    robot: arm.title().to_owned(),
+                    change: change.sqrt(),
+                    total,
+                });
             }
-        }
-    }
-
-    /// What the covariance says of the tool beside what the calibration changed.
-    pub fn doubt_predictions(&self, all: &[Prediction], warnings: &mut Vec<String>) {
-        for p in all {
-            // The change is the error of the nominal robot and that of the estimate together.
-            let error_of_nominal = (p.change * p.change - p.sigma * p.sigma).max(0.0).sqrt();
-            if p.sigma <= error_of_nominal || p.sigma <= HARMLESS * p.noise {
-                continue;
-            }
-            let arm = &self.arms[p.robot];
-            warnings.push(format!(
-                "{DISTRUST}the data leave the tool of {} uncertain by {} mm RMS where it was measured (1 σ), and the \
-                 calibration moved it by {} mm: the registered nominal robot is expected to predict better; measure \
-                 more, or add a `prior` about nominal",
-                arm.title(),
-                millimetres(p.sigma),
-                millimetres(p.change)
-            ));
         }
     }
 
@@ -126,9 +100,10 @@ impl Job {
         estimated: &State,
         assembly: &Assembly,
         uncertainty: &Uncertainty,
-        warnings: &mut Vec<String>,
+        doubts: &mut Vec<Doubt>,
     ) {
         let (mut weak, mut far) = (Vec::new(), Vec::new());
+        let reach = self.reach();
         for (r, arm) in self.arms.iter().enumerate() {
             let first = assembly.robot(r).column();
             for (k, parameter) in arm.robot.parameters().iter().enumerate() {
@@ -136,7 +111,7 @@ impl Job {
                 let sigma = uncertainty.std_dev(first + k);
                 let (limit, text): (f64, &dyn Fn(f64) -> String) = match parameter.unit() {
                     Unit::Radian => (0.1, &|x| format!("{:.2}°", x.to_degrees())),
-                    Unit::Meter => (0.05, &|x| format!("{:.1} mm", x * 1e3)),
+                    Unit::Meter => (0.05 * reach, &|x| format!("{:.1} mm", x * 1e3)),
                     Unit::One => (0.05, &|x| format!("{x:.3}")),
                     // Of models: how far is far depends on what they are multiplied with.
                     Unit::Other(_) => continue,
@@ -155,16 +130,16 @@ impl Job {
             }
         }
         if !weak.is_empty() {
-            warnings.push(format!(
+            doubts.push(Doubt::note(format!(
                 "moved far although the data determine it only weakly: {}; measure in more varied postures, or add a `prior`",
                 shortened(&weak)
-            ));
+            )));
         }
         if !far.is_empty() {
-            warnings.push(format!(
+            doubts.push(Doubt::note(format!(
                 "far from nominal: {}; the robot file may be wrong there",
                 shortened(&far)
-            ));
+            )));
         }
     }
 
@@ -175,7 +150,7 @@ impl Job {
         solution: &Solution,
         assembly: &Assembly,
         choices: &[Choice],
-        warnings: &mut Vec<String>,
+        doubts: &mut Vec<Doubt>,
     ) {
         let is_estimated =
             |r: usize, k: usize| choices[assembly.robot(r).column() + k] == Choice::Estimated;
@@ -192,11 +167,11 @@ impl Job {
             })
             .collect();
         if !beyond.is_empty() {
-            warnings.push(format!(
+            doubts.push(Doubt::note(format!(
                 "the data contradict the `prior`: {}; the prior is too tight, or the measurements have errors that are \
                  not in the model",
                 shortened(&beyond)
-            ));
+            )));
         }
         // With by how much the cost would fall over the width of the interval.
         let mut at_bounds: Vec<(f64, String)> = self
@@ -220,16 +195,16 @@ impl Job {
             } else {
                 ""
             };
-            warnings.push(format!(
+            doubts.push(Doubt::note(format!(
                 "ended at a bound, beyond which the data would go{hardest}: {}",
                 shortened(&at_bounds)
-            ));
+            )));
         }
     }
 }
 
 /// What is held or not determined: the scale, columns that these data do not excite.
-pub(crate) fn doubt_choices(assembly: &Assembly, choices: &[Choice], warnings: &mut Vec<String>) {
+pub(crate) fn doubt_choices(assembly: &Assembly, choices: &[Choice], doubts: &mut Vec<Doubt>) {
     let named = |wanted: &dyn Fn(&Choice) -> bool| -> Vec<String> {
         let columns = choices.iter().zip(&assembly.columns);
         let named = columns.filter(|(choice, _)| wanted(choice));
@@ -237,21 +212,20 @@ pub(crate) fn doubt_choices(assembly: &Assembly, choices: &[Choice], warnings: &
     };
     let anchors = named(&|choice| matches!(choice, Choice::Anchor(_)));
     if !anchors.is_empty() {
-        warnings.push(format!(
+        doubts.push(Doubt::note(format!(
             "these data leave the scale free: a robot with all lengths longer fits as well; held by {} at nominal \
              ({})",
             anchors.join(", "),
             scale_remedy(assembly, choices)
-        ));
+        )));
     }
     let still = named(&|choice| *choice == Choice::Unexcited);
     for (c, column) in assembly.columns.iter().enumerate() {
         if let (Choice::Unexcited, Owner::Frame(name)) = (&choices[c], &column.owner) {
-            warnings.push(format!(
-                "{DISTRUST}the sensor frame `{name}` is not determined by its readings ({}): read at least three \
-                 places that are not in one line",
-                column.name
-            ));
+            doubts.push(Doubt::FrameUndetermined {
+                frame: name.clone(),
+                component: column.name.clone(),
+            });
         }
     }
     let wanted = |c: &usize| matches!(assembly.columns[*c].owner, Owner::Parameter { .. });
@@ -260,15 +234,13 @@ pub(crate) fn doubt_choices(assembly: &Assembly, choices: &[Choice], warnings: &
         .map(|c| &choices[c])
         .collect();
     if !robots.contains(&&Choice::Estimated) && robots.contains(&&Choice::Unexcited) {
-        warnings.push(format!(
-            "{DISTRUST}these data determine none of the robot parameters that were asked for: measure in more varied postures"
-        ));
+        doubts.push(Doubt::NothingDetermined);
     }
     if !still.is_empty() {
-        warnings.push(format!(
+        doubts.push(Doubt::note(format!(
             "not determined by these data, held at the start (`unexcited`): {}; measure in more varied postures",
             shortened(&still)
-        ));
+        )));
     }
 }
 
@@ -294,16 +266,6 @@ fn scale_remedy(assembly: &Assembly, choices: &[Choice]) -> String {
     }
 }
 
-/// A length in millimetres, in three digits or so.
-fn millimetres(length: f64) -> String {
-    let mm = length * 1e3;
-    if mm < 1.0 {
-        format!("{mm:.4}")
-    } else {
-        format!("{mm:.2}")
-    }
-}
-
 /// Rows that were not used may be predicted worse than by the registered nominal robot by this
 /// factor before the result is distrusted: where a robot is nearly nominal, chance decides.
 const WORSE: f64 = 1.1;
@@ -311,19 +273,18 @@ const WORSE: f64 = 1.1;
 /// Errors on rows that were not used may be this part of the robot's reach.
 const ABSURD: f64 = 0.05;
 
-/// Lengths that moved by less in all \[m\] are no deformation, whatever a robot's size.
+/// Lengths that moved by less in all than this part of the reach are no deformation.
 const SLIGHT: f64 = 0.05;
 
-/// Errors that differ by less [m] do not differ: a micrometre is beyond any robot.
+/// Errors that differ by less than this part of the reach do not differ: a millionth is beyond any robot.
 const NOTHING: f64 = 1e-6;
+
+/// Readings that lie farther from the registered robot than this part of its reach are of another frame.
+const ELSEWHERE: f64 = 0.2;
 
 /// The lengths of a robot's links may move by this share of their sum: no drawing is that wrong, but an
 /// arm that collapses onto a point moves by as much as it is long.
 const DEFORMED: f64 = 0.1;
-
-/// A tool that is uncertain by less than so many times the noise of its measurements is known well
-/// enough, however near to nominal it is.
-const HARMLESS: f64 = 2.0;
 
 /// A parameter whose standard deviation is more than this part of its change is weakly determined.
 const WEAK: f64 = 1.0 / 3.0;

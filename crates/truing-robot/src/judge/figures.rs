@@ -88,6 +88,21 @@ pub struct ErrorSeries {
     pub calibrated: Vec<f64>,
 }
 
+/// What a tool is expected to be off all over the ranges of its joints, after the best rigid motion \[m\].
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ToolEverywhere {
+    /// The robot; empty if there is only one.
+    pub robot: String,
+    /// Expected RMS error of the calibrated tool.
+    pub expected: f64,
+    /// What this RMS error is below with a probability of 95 %.
+    pub bound: f64,
+    /// Expected RMS error of the nominal tool.
+    pub nominal: f64,
+    /// RMS distance between both.
+    pub change: f64,
+}
+
 /// Whether the residuals are as large as the stated noise makes them.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct GlobalTest {

@@ -2,6 +2,7 @@
 
 use super::figures::{MeasurementStatistics, Outlier};
 use super::statistics::{Statistics, beyond_chance, place};
+use crate::doubt::Doubt;
 use crate::error::Error;
 use crate::estimate::Job;
 use crate::model::errors_of;
@@ -61,19 +62,19 @@ impl Job {
     }
 
     /// Sets of which most was set aside: then the rest may be what is wrong.
-    pub fn doubt_outliers(&self, outliers: &[Outlier], warnings: &mut Vec<String>) {
+    pub fn doubt_outliers(&self, outliers: &[Outlier], doubts: &mut Vec<Doubt>) {
         for set in &self.sets {
             let own = outliers.iter();
             let own = own
                 .filter(|o| o.constraint == set.name && o.weight.is_some())
                 .count();
             if own as f64 > MAJORITY * set.len() as f64 {
-                warnings.push(format!(
+                doubts.push(Doubt::note(format!(
                     "the loss set {own} of the {} measurements of `{}` aside as outliers: most of them; its `sigma` may be \
                      too small, or the rest is what is wrong",
                     set.len(),
                     set.name
-                ));
+                )));
             }
         }
     }

@@ -1,6 +1,7 @@
 //! What rows that were not used say of models of joints.
 
 use super::errors::Fitted;
+use crate::doubt::Doubt;
 use crate::error::Error;
 use crate::estimate::{Job, Registration};
 use crate::identify::Choice;
@@ -14,7 +15,7 @@ impl Job {
         fitted: &Fitted,
         assembly: &Assembly,
         choices: &[Choice],
-        warnings: &mut Vec<String>,
+        doubts: &mut Vec<Doubt>,
     ) -> Result<(), Error> {
         if self.held_out.iter().all(|(_, set)| set.is_empty()) {
             return Ok(());
@@ -52,13 +53,13 @@ impl Job {
                         .iter()
                         .map(|name| arm.prefixed(&format!("{name}_*")))
                         .collect();
-                    warnings.push(format!(
+                    doubts.push(Doubt::note(format!(
                         "the parameters {} do not pay: without them, rows that were not used are predicted {:.1} % better; leave them out \
                          (`fixed = [\"{}\"]`), or measure in more varied postures",
                         patterns.join(", "),
                         -change * 100.0,
                         patterns.join("\", \"")
-                    ));
+                    )));
                 }
             }
         }

@@ -12,7 +12,7 @@ use truing::nalgebra::Vector3;
 use truing::statistics::{ChiSquareTest, Verdict};
 
 /// Level of the global test, and of the search for outliers over all measurements together.
-const LEVEL: f64 = 0.05;
+pub(super) const LEVEL: f64 = 0.05;
 
 /// Correlations beyond this are reported.
 const STRONG: f64 = 0.9;
@@ -25,7 +25,7 @@ const MOVED: f64 = 0.1;
 const ENOUGH: usize = 20;
 
 /// Residuals so many times smaller than the stated noise are rounding, and so are tools that move by less
-/// [m] for a parameter that moves by 1.
+/// reaches for a parameter that moves by 1.
 const ROUNDING: f64 = 1e-6;
 
 /// Everything that is said of a calibration beyond the standard deviations.
@@ -183,6 +183,7 @@ impl Job {
         let first = judged.assembly.robot(robot).column();
         let parameters = first..first + self.arms[robot].robot.parameters().len();
         let nothing = Vec::new();
+        let reach = self.reach();
         let moves_the_tool = |set: &MeasurementSet, column: usize| {
             let into = match &choices[column] {
                 Choice::Regrouped(into) | Choice::Anchor(into) => into,
@@ -205,7 +206,7 @@ impl Job {
                 own += velocity(column).norm_squared();
                 left += (velocity(column) - taken).norm_squared();
             }
-            left > MOVED * MOVED * own && left.sqrt() > ROUNDING
+            left > MOVED * MOVED * own && left.sqrt() > ROUNDING * reach
         };
         let sets = self.sets.iter().filter(|set| set.tool().robot == robot);
         let mut sets = sets;

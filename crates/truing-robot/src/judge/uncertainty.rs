@@ -37,6 +37,8 @@ pub(crate) struct Judged {
     pub assembly: Assembly,
     /// Residuals of the measurements, set after set, then of priors.
     pub residuals: Residuals,
+    /// Whitened residuals, row by row.
+    pub whitened: Vec<f64>,
     /// ‖r‖² of the measurements, whitened.
     pub squares: f64,
 }
@@ -124,6 +126,7 @@ impl Job {
             uncertainty,
             assembly,
             residuals,
+            whitened: r,
             squares,
         })
     }
@@ -149,7 +152,7 @@ impl Job {
             .collect();
         assembly.free_only(&free);
         let mut shares = Vec::new();
-        for (robot, parameter, sigma) in &self.estimate.priors {
+        for (robot, parameter, sigma) in self.estimate.priors.iter().chain(&self.estimate.held) {
             let var = assembly.robot(*robot);
             let column = var.column() + parameter;
             if free.contains(&column) {

@@ -104,6 +104,7 @@ pub fn estimate(
             .map(|(key, (l, u))| (name(key), l, u))
             .collect(),
         priors: priors.into_iter().map(|(key, s)| (name(key), s)).collect(),
+        drawing: spec.drawing,
         preference: full(&spec.preference)?,
         derivatives,
         from: None,

@@ -1,7 +1,8 @@
 //! Results, in the shape of `result.json`.
 
+use crate::doubt::Doubt;
 use crate::identify::Status;
-use crate::judge::{Correlated, GlobalTest, Outlier, SetResult, ToolUncertainty};
+use crate::judge::{Correlated, GlobalTest, Outlier, SetResult, ToolEverywhere, ToolUncertainty};
 use serde::Serialize;
 
 /// One parameter of a robot.
@@ -155,8 +156,10 @@ pub struct CalibrationResult {
     pub termination: TerminationReport,
     /// Whether the result may be used.
     pub trusted: bool,
-    /// What to know before using it.
+    /// What to know before using it, in words.
     pub warnings: Vec<String>,
+    /// The same as data, in the same order.
+    pub doubts: Vec<Doubt>,
     /// Trial steps of the solver.
     pub iterations: u64,
     /// Cost ½Σρ at the start.
@@ -202,6 +205,8 @@ pub struct CalibrationResult {
     pub outliers: Vec<Outlier>,
     /// How well the tools are known.
     pub tools: Vec<ToolUncertainty>,
+    /// What the tools are expected to be off all over the ranges of their joints.
+    pub everywhere: Vec<ToolEverywhere>,
 }
 
 impl CalibrationResult {

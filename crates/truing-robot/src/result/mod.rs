@@ -2,6 +2,7 @@
 
 mod calibration_result;
 mod report;
+mod sentences;
 
 pub use calibration_result::{
     CalibrationResult, ComponentEstimate, FrameEstimate, LocationEstimate, ParameterResult,

@@ -4,12 +4,12 @@ use super::calibration_result::{
     CalibrationResult, ComponentEstimate, FrameEstimate, LocationEstimate, ParameterResult,
     PlaneEstimate, PointEstimate, TargetEstimate, TerminationReport, UnknownEstimate,
 };
+use crate::doubt::Doubt;
 use crate::error::Error;
 use crate::estimate::Job;
-use crate::estimate::words::DISTRUST;
 use crate::identify::{Choice, Status};
 use crate::judge::doubt::multiplier;
-use crate::judge::{ErrorSummary, Outlier, SetResult, Statistics, Uncertainty};
+use crate::judge::{ErrorSummary, Outlier, SetResult, Statistics, ToolEverywhere, Uncertainty};
 use crate::measurement::MeasurementSet;
 use crate::model::{Assembly, Owner, errors_of};
 use crate::unknown::{Key, Own, Shape, State, Value};
@@ -220,7 +220,8 @@ impl Report<'_> {
         constraints: Vec<SetResult>,
         validation: Vec<SetResult>,
         outliers: Vec<Outlier>,
-        warnings: Vec<String>,
+        doubts: Vec<Doubt>,
+        everywhere: Vec<ToolEverywhere>,
     ) -> Result<CalibrationResult, Error> {
         let mut own = OwnEstimates::default();
         for set in &self.job.sets {
@@ -251,9 +252,10 @@ impl Report<'_> {
         };
         Ok(CalibrationResult {
             // Where unknowns cannot be told apart, the residual is small at many wrong robots.
-            trusted: termination.converged && !warnings.iter().any(|w| w.starts_with(DISTRUST)),
+            trusted: termination.converged && !doubts.iter().any(Doubt::is_fatal),
             termination,
-            warnings,
+            warnings: doubts.iter().map(Doubt::to_string).collect(),
+            doubts,
             iterations: solution.iterations,
             initial_cost: solution.initial_cost,
             cost: solution.cost,
@@ -276,6 +278,7 @@ impl Report<'_> {
                 .map(|s| s.correlations.clone())
                 .unwrap_or_default(),
             outliers,
+            everywhere,
             tools: self.statistics.map(|s| s.tools.clone()).unwrap_or_default(),
         })
     }

@@ -69,6 +69,13 @@ pub fn random(limits: &[[f64; 2]], rng: &mut impl Rng) -> Vec<f64> {
         .collect()
 }
 
+/// How far the tool reaches, about \[m\]: 4/3 of the RMS distance of random postures' tool points from their middle.
+pub fn reach(robot: &Robot) -> f64 {
+    const POSTURES: usize = 100;
+    let reach = 4.0 / 3.0 * spread(robot, &robot.nominal(), POSTURES, 0);
+    if reach > 0.0 { reach } else { 1.0 }
+}
+
 /// The size of a robot's workspace: RMS distance of the tool from its mean over `count` random postures
 /// \[m\]; the same seed draws the same postures.
 pub fn spread(robot: &Robot, parameters: &[f64], count: usize, seed: u64) -> f64 {

@@ -67,7 +67,7 @@ fn scene(truth: &Scene, seed: u64) -> Scene {
 
 fn trial(truth: &Scene, seed: u64) -> Trial {
     let scene = scene(truth, seed);
-    let outcome = scene.calibrate(false);
+    let outcome = scene.free().calibrate().unwrap();
     let result = &outcome.result;
     assert!(result.trusted, "seed {seed}: {:?}", result.termination);
     assert_eq!(result.identifiable, 27, "seed {seed}");

@@ -64,7 +64,7 @@ fn trials(what: &What, count: usize) -> Vec<Trial> {
     let truth = truth(what, count);
     let trial = |seed| {
         let scene = truth.clone().seeded(seed).measure(what, count, SIGMA);
-        let outcome = scene.calibrate(false);
+        let outcome = scene.free().calibrate().unwrap();
         assert!(
             outcome.result.trusted,
             "seed {seed}: {:?}",
@@ -230,7 +230,7 @@ fn leverages_add_up_to_the_unknowns() {
     assert_relative_eq!(total(outcome), unknowns, max_relative = 1e-10);
     let freedom = outcome.uncertainty.as_ref().unwrap().degrees_of_freedom;
     assert_relative_eq!(freedom, 3.0 * 35.0 - unknowns, max_relative = 1e-12);
-    let mut calibration = scene.calibration(false);
+    let mut calibration = scene.free();
     calibration.estimate.priors = vec![("d4".into(), 1e-9)];
     let held = calibration.run(&|_| {}).unwrap();
     assert_relative_eq!(total(&held), unknowns - 1.0, max_relative = 1e-6);
@@ -247,7 +247,7 @@ fn leverages_add_up_to_the_unknowns() {
 #[test]
 fn the_tool_does_not_depend_on_which_parameters_are_held() {
     let trial = &tracked()[0];
-    let mut other = trial.scene.calibration(false);
+    let mut other = trial.scene.free();
     other.estimate.preference = vec!["r3".into()];
     let other = other.run(&|_| {}).unwrap();
     let sigma = |outcome: &Outcome, name: &str| {
@@ -308,7 +308,7 @@ fn what_is_not_there_is_refused_with_what_is() {
 /// Huber's loss: the tool is as sure as the parameters are, and no χ² is claimed.
 #[test]
 fn a_robust_calibration_claims_no_chi_square() {
-    let mut calibration = tracked()[0].scene.calibration(false);
+    let mut calibration = tracked()[0].scene.free();
     calibration.sets[0].loss = truing::Loss::huber(1.5).unwrap();
     let outcome = calibration.run(&|_| {}).unwrap();
     let statistics = outcome.result.statistics.as_ref().unwrap();

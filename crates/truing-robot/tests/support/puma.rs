@@ -238,6 +238,13 @@ impl Scene {
         }
     }
 
+    /// The same with nothing held near nominal: what the measurements alone say.
+    pub fn free(&self) -> Calibration {
+        let mut calibration = self.calibration(false);
+        calibration.estimate.drawing = None;
+        calibration
+    }
+
     /// Calibrates; see [`calibration`](Self::calibration).
     #[track_caller]
     pub fn calibrate(&self, gains: bool) -> Outcome {

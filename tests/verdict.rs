@@ -1,0 +1,105 @@
+//! What is trusted is better than the nominal robot: simulated flaws, by a forward model of its own.
+
+#![allow(dead_code, reason = "the simulator has more than each test uses")]
+
+#[path = "support/flaws.rs"]
+mod flaws;
+#[path = "support/forward.rs"]
+mod forward;
+
+use flaws::{Data, Fault, Flaw, Size, case, flaws as all_flaws, robots};
+use truing_robot::Outcome;
+use truing_robot::doubt::{Doubt, Suspect};
+
+fn plain(data: Data, count: usize) -> Flaw {
+    Flaw {
+        data,
+        count,
+        noise: 5e-5,
+        size: Size::Usual,
+        effect: None,
+        fault: Fault::Nothing,
+    }
+}
+
+/// The outcome of a flaw on the PUMA, and how far the tool is off on fresh postures, nominal and calibrated.
+fn outcome(flaw: &Flaw, seed: u64) -> (Outcome, f64, f64) {
+    let mut case = case(&robots()[0], flaw, seed).unwrap();
+    let outcome = case.calibration.calibrate().unwrap();
+    let truth = case.truth(&outcome);
+    (outcome, truth.nominal, truth.calibrated)
+}
+
+#[test]
+fn a_robot_that_is_off_and_measured_well_is_trusted_and_better() {
+    for (data, count) in [
+        (Data::Positions, 20),
+        (Data::Tracker, 40),
+        (Data::Poses, 30),
+        (Data::Plane, 60),
+    ] {
+        for seed in 0..3 {
+            let (outcome, nominal, calibrated) = outcome(&plain(data, count), seed);
+            assert!(
+                outcome.result.trusted,
+                "{data:?} {seed}: {:?}",
+                outcome.result.warnings
+            );
+            assert!(
+                calibrated < 0.3 * nominal,
+                "{data:?} {seed}: {calibrated} of {nominal}"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_robot_as_good_as_its_drawing_is_not_made_worse() {
+    for (data, count) in [
+        (Data::Positions, 20),
+        (Data::Tracker, 40),
+        (Data::Plane, 60),
+        (Data::Points, 60),
+    ] {
+        for seed in 0..3 {
+            let flaw = Flaw {
+                size: Size::None,
+                noise: 3e-4,
+                ..plain(data, count)
+            };
+            let (outcome, nominal, calibrated) = outcome(&flaw, seed);
+            assert!(
+                !outcome.result.trusted || calibrated < 1.1 * nominal,
+                "{data:?} {seed}"
+            );
+        }
+    }
+}
+
+#[test]
+fn wrong_inputs_are_refused_and_named() {
+    for flaw in all_flaws()
+        .iter()
+        .filter(|f| f.fault.is_of_the_file() && f.data == Data::Tracker)
+    {
+        let (outcome, ..) = outcome(flaw, 3);
+        assert!(!outcome.result.trusted, "{}", flaw.name());
+        let named = outcome.result.doubts.iter().find_map(|doubt| match doubt {
+            Doubt::Input { suspect, .. } => Some(suspect),
+            _ => None,
+        });
+        let right = match (&flaw.fault, named) {
+            (Fault::Offset(1, by), Some(Suspect::ZeroOffset { joint, offset })) => {
+                joint == "q2" && (offset - by).abs() < 1e-9
+            }
+            (Fault::Flipped(2), Some(Suspect::Direction { joint })) => joint == "q3",
+            (Fault::Swapped(1, 3), Some(Suspect::Swapped { joint, other })) => {
+                joint == "q2" && other == "q4"
+            }
+            (Fault::Shifted, Some(Suspect::Shifted { rows, .. })) => rows.abs() == 1,
+            (Fault::Mirrored, Some(Suspect::Mirrored { .. })) => true,
+            _ => false,
+        };
+        assert!(right, "{}: {:?}", flaw.name(), outcome.result.warnings);
+    }
+}

@@ -282,6 +282,9 @@ fn planes_with_bounds() -> Result<(), Failed> {
     let result = planes(&keys, "sigma = \"0.3 mm\"");
     assert!(result.termination.converged, "{:?}", result.termination);
     assert!(result.trusted, "{:?}", result.warnings);
+    // The tracker, which was not used, says so too.
+    let (registered, after) = mm(&result.validation[0]);
+    at_most("tracker", after, 0.8 * registered)?;
     let mut active = 0;
     for p in result
         .parameters

@@ -133,7 +133,8 @@ impl Job {
                     nominal: foresight.nominal(),
                     gain: foresight.gain,
                     measured: false,
-                    fatal: foresight.gain < WILD,
+                    // Touches that do not fit show a part of what is wrong.
+                    fatal: foresight.gain < if foresight.blind { LIKELY } else { WILD },
                 });
             }
         }

@@ -31,6 +31,8 @@ pub(crate) struct Foresight {
     pub change: f64,
     /// By how many standard errors the nominal tool is expected to be farther off than the calibrated one.
     pub gain: f64,
+    /// Whether the measurements do not fit, and leave the scale free: they see a part of the tool only.
+    pub blind: bool,
     /// What of the change is one of size.
     pub grown: Grown,
 }
@@ -207,6 +209,8 @@ impl Job {
                 p_value: self.grown_by_chance(robot, &columns, fitted, assembly),
             };
             all.push(Foresight {
+                // Bounds say what the covariance does not.
+                blind: scaled && misfit && self.estimate.bounds.is_empty(),
                 grown,
                 robot,
                 expected: error.max(0.0).sqrt(),

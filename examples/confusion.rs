@@ -157,13 +157,17 @@ fn table(judged: &[Judged]) {
         "all but these",
         &judged.iter().filter(|j| !j.of_the_file).collect::<Vec<_>>(),
     );
-    let claims: Vec<bool> = judged
-        .iter()
-        .filter(|j| j.trusted)
-        .filter_map(|j| Some(j.truth?.calibrated <= j.claimed?))
-        .collect();
-    if !claims.is_empty() {
+    for (name, clean) in [("clean", true), ("flawed", false)] {
+        let claims = judged
+            .iter()
+            .filter(|j| j.trusted && !j.of_the_file && j.clean == clean);
+        let claims: Vec<bool> = claims
+            .filter_map(|j| Some(j.truth?.calibrated <= j.claimed?))
+            .collect();
         let held = claims.iter().filter(|held| **held).count();
-        println!("claims that hold: {held} of {}", claims.len());
+        println!(
+            "bounds of 95 % that hold, {name}: {held} of {}",
+            claims.len()
+        );
     }
 }

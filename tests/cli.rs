@@ -111,6 +111,7 @@ fn the_result_has_the_promised_fields() {
             "cost",
             "distances",
             "doubts",
+            "drawing",
             "everywhere",
             "frames",
             "identifiable",

@@ -2,25 +2,17 @@
 
 #![allow(dead_code, reason = "the simulator has more than each test uses")]
 
+#[path = "support/cell.rs"]
+mod cell;
 #[path = "support/flaws.rs"]
 mod flaws;
 #[path = "support/forward.rs"]
 mod forward;
 
+use cell::Cell;
 use flaws::{Data, Fault, Flaw, Size, case, flaws as all_flaws, robots};
 use truing_robot::Outcome;
 use truing_robot::doubt::{Doubt, Suspect};
-
-fn plain(data: Data, count: usize) -> Flaw {
-    Flaw {
-        data,
-        count,
-        noise: 5e-5,
-        size: Size::Usual,
-        effect: None,
-        fault: Fault::Nothing,
-    }
-}
 
 /// The outcome of a flaw on the PUMA, and how far the tool is off on fresh postures, nominal and calibrated.
 fn outcome(flaw: &Flaw, seed: u64) -> (Outcome, f64, f64) {
@@ -39,7 +31,7 @@ fn a_robot_that_is_off_and_measured_well_is_trusted_and_better() {
         (Data::Plane, 60),
     ] {
         for seed in 0..3 {
-            let (outcome, nominal, calibrated) = outcome(&plain(data, count), seed);
+            let (outcome, nominal, calibrated) = outcome(&Flaw::plain(data, count), seed);
             assert!(
                 outcome.result.trusted,
                 "{data:?} {seed}: {:?}",
@@ -65,7 +57,7 @@ fn a_robot_as_good_as_its_drawing_is_not_made_worse() {
             let flaw = Flaw {
                 size: Size::None,
                 noise: 3e-4,
-                ..plain(data, count)
+                ..Flaw::plain(data, count)
             };
             let (outcome, nominal, calibrated) = outcome(&flaw, seed);
             assert!(
@@ -102,4 +94,29 @@ fn wrong_inputs_are_refused_and_named() {
         };
         assert!(right, "{}: {:?}", flaw.name(), outcome.result.warnings);
     }
+}
+
+/// The unit of lengths in the files, of the robot and of the readings, makes no difference.
+#[test]
+fn the_unit_of_lengths_makes_no_difference() {
+    let cell = Cell::new();
+    let in_metres = cell.calibrate();
+    let readings = cell.readings(40);
+    let mut text = format!("{},x [mm],y [mm],z [mm]\n", cell::JOINTS);
+    for reading in readings {
+        let [x, y, z] = reading.position.map(|x| x * 1e3);
+        text += &format!("{},{x:?},{y:?},{z:?}\n", cell::cells(&reading.q));
+    }
+    cell.write("tracker.csv", text);
+    let in_millimetres = cell.calibrate();
+    let kinds = |result: &serde_json::Value| -> Vec<String> {
+        let doubts = result["doubts"].as_array().unwrap();
+        doubts
+            .iter()
+            .map(|doubt| doubt["kind"].to_string())
+            .collect()
+    };
+    assert_eq!(kinds(&in_metres), kinds(&in_millimetres));
+    let bound = |result: &serde_json::Value| result["everywhere"][0]["bound"].as_f64().unwrap();
+    assert!((bound(&in_metres) / bound(&in_millimetres) - 1.0).abs() < 1e-6);
 }

@@ -92,6 +92,18 @@ pub struct Flaw {
 }
 
 impl Flaw {
+    /// Measurements of a robot that is off, to the noise that is stated.
+    pub fn plain(data: Data, count: usize) -> Self {
+        Self {
+            data,
+            count,
+            noise: 5e-5,
+            size: Size::Usual,
+            effect: None,
+            fault: Fault::Nothing,
+        }
+    }
+
     pub fn name(&self) -> String {
         let effect = self
             .effect
@@ -114,14 +126,6 @@ impl Flaw {
 /// All of them: each thing that goes wrong, with the kinds of measurement that can see it.
 pub fn flaws() -> Vec<Flaw> {
     use Data::*;
-    let plain = |data, count| Flaw {
-        data,
-        count,
-        noise: 5e-5,
-        size: Size::Usual,
-        effect: None,
-        fault: Fault::Nothing,
-    };
     let mut all = Vec::new();
     for (data, count) in [
         (Positions, 20),
@@ -133,16 +137,16 @@ pub fn flaws() -> Vec<Flaw> {
         (Points, 60),
         (TrackerAndPlane, 55),
     ] {
-        all.push(plain(data, count));
+        all.push(Flaw::plain(data, count));
         all.push(Flaw {
             size: Size::Small,
             noise: 3e-4,
-            ..plain(data, count)
+            ..Flaw::plain(data, count)
         });
         all.push(Flaw {
             size: Size::None,
             noise: 3e-4,
-            ..plain(data, count)
+            ..Flaw::plain(data, count)
         });
         let effects = [
             Effect::Harmonic {
@@ -162,13 +166,13 @@ pub fn flaws() -> Vec<Flaw> {
             all.push(Flaw {
                 effect: Some(effect),
                 size,
-                ..plain(data, count)
+                ..Flaw::plain(data, count)
             });
         }
         let mut with = |fault: Fault| {
             all.push(Flaw {
                 fault,
-                ..plain(data, count)
+                ..Flaw::plain(data, count)
             })
         };
         with(Fault::Louder(20.0));
@@ -202,17 +206,17 @@ pub fn flaws() -> Vec<Flaw> {
     }
     all.push(Flaw {
         count: 14,
-        ..plain(Tracker, 14)
+        ..Flaw::plain(Tracker, 14)
     });
     all.push(Flaw {
         count: 14,
         noise: 3e-4,
-        ..plain(Tracker, 14)
+        ..Flaw::plain(Tracker, 14)
     });
     all.push(Flaw {
         count: 30,
         noise: 3e-4,
-        ..plain(Plane, 30)
+        ..Flaw::plain(Plane, 30)
     });
     all
 }

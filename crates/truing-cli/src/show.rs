@@ -330,6 +330,13 @@ pub fn result(result: &CalibrationResult) -> String {
             .map_or_else(|| "–".into(), |c| format!("{c:.3e}")),
         result.sigma0.map_or_else(|| "–".into(), number),
     );
+    if let Some(part) = result.drawing {
+        let _ = writeln!(
+            out,
+            "links and tool are held near nominal by {} % of the robot's dimensions, 1 σ (`drawing`)",
+            number(100.0 * part)
+        );
+    }
     out.push_str(&show_statistics::lines(result));
     let _ = writeln!(
         out,

@@ -215,7 +215,7 @@ pub enum SearchEnd {
 pub struct Cause {
     /// The set.
     pub set: String,
-    /// What: `drift`, `harmonic`, `gravity`, `backlash`.
+    /// What: `drift` or `harmonic`.
     pub what: &'static str,
     /// The joint, if it is one's.
     pub joint: Option<String>,

@@ -57,8 +57,7 @@ impl Job {
     fn run(&self, mut doubts: Vec<Doubt>, watch: &dyn Fn(Stage)) -> Result<Outcome, Error> {
         let solved = self.solve_checked(Registration::Always, &mut doubts, watch)?;
         let (assembly, choices, solution) = (solved.assembly, solved.choices, solved.solution);
-        let mut held = self.clone();
-        held.estimate.held = solved.held;
+        let (held, drawing) = (solved.held, solved.part);
 
         watch(Stage::Validating);
         let fitted = Fitted {
@@ -81,7 +80,7 @@ impl Job {
         for set in &self.validate {
             validation.push(self.validate_set(set, &fitted)?);
         }
-        let judged = match held.uncertainty(&fitted.estimated, &choices) {
+        let judged = match self.uncertainty(&fitted.estimated, &choices, &held) {
             Ok(judged) => Some(judged),
             Err(error) => {
                 doubts.push(Doubt::Inseparable {
@@ -125,6 +124,7 @@ impl Job {
             choices: &choices,
             uncertainty: uncertainty.as_ref(),
             statistics: statistics.as_ref(),
+            drawing,
         };
         let result = report.make(
             &fitted.estimated,

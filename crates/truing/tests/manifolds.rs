@@ -12,7 +12,7 @@ use truing::check;
 use truing::manifold::{
     Direction3, PlanarPose, Plane, Plane3, Point3, Pose, Pose2, Pose3, Rotation3, Vector, so3,
 };
-use truing::nalgebra::{Matrix3, Vector2, Vector3};
+use truing::nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 use truing::{Dual, Variable};
 
 /// Values are of size ten at most and rotations pass through a quaternion twice: a few hundred ε.
@@ -351,6 +351,31 @@ fn the_rotation_vector_has_the_derivative_of_the_textbook_up_to_half_a_turn() {
             assert!(
                 (found - expected).amax() < 1e-7,
                 "at {angle} about {axis}: {found} is not {expected}"
+            );
+        }
+    }
+}
+
+/// The basis across a direction turns little where the direction does, on the equator too, and is orthonormal to rounding
+/// next to the pole at which it jumps.
+#[test]
+fn the_basis_across_a_direction_is_continuous_but_at_one_pole() {
+    for turn in 0..12 {
+        let (s, c) = (f64::from(turn) * 0.53).sin_cos();
+        for z in [-0.9, -1e-3, 0.0, 1e-3, 0.9] {
+            let at = |z: f64| {
+                let r = (1.0 - z * z).sqrt();
+                Direction3::basis(&[r * c, r * s, z])
+            };
+            assert!((at(z + 1e-9) - at(z - 1e-9)).amax() < 1e-8, "{turn} {z}");
+        }
+        for off in [1e-3, 1e-8, 1e-150, 0.0] {
+            let n = Vector3::new(off * c, off * s, -(1.0_f64 - off * off).sqrt());
+            let basis = Direction3::basis(n.as_slice());
+            let unit = basis.transpose() * basis - Matrix2::identity();
+            assert!(
+                unit.amax() < 1e-15 && (basis.transpose() * n).amax() < 1e-15,
+                "{off:e}"
             );
         }
     }

@@ -179,3 +179,30 @@ fn starts_without_a_value_are_counted_and_not_fatal_unless_all_are() {
     let error = multi_start(&problem, starts, &settings, &Budget::default()).unwrap_err();
     assert!(matches!(error, Error::NotFinite { .. }), "{error}");
 }
+
+/// Starts without end, none of which has a value: the search ends, whatever its budget counts.
+#[test]
+fn starts_without_a_value_and_without_end_come_to_an_end() {
+    let mut problem = Problem::new();
+    let x = problem.add_variable::<Vector>("x", &vec![2.0]);
+    problem.add("log", (x,), Log);
+    let start = || {
+        let mut values = problem.initial().clone();
+        values.set(x, &vec![-1.0]);
+        values
+    };
+    for budget in [
+        Budget {
+            agreeing: Some(2),
+            ..Budget::default()
+        },
+        Budget {
+            evaluations: Some(100),
+            ..Budget::default()
+        },
+    ] {
+        let starts = std::iter::repeat_with(start);
+        let error = multi_start(&problem, starts, &Settings::default(), &budget).unwrap_err();
+        assert!(matches!(error, Error::NotFinite { .. }), "{error}");
+    }
+}

@@ -1,5 +1,6 @@
 //! The problem of an estimate: the chosen columns free, bounds and priors.
 
+use super::drawing::Prior;
 use super::job::Job;
 use crate::error::Error;
 use crate::identify::Choice;
@@ -7,12 +8,14 @@ use crate::model::Assembly;
 use crate::unknown::State;
 
 impl Job {
-    /// The problem at a state with the chosen columns free.
+    /// The problem at a state with the chosen columns free; if it is a `full` one with bounds and priors, among them
+    /// those by which parameters are held near nominal.
     pub fn columns_assembled(
         &self,
         from: &State,
         choices: &[Choice],
         full: bool,
+        held: &[Prior],
     ) -> Result<Assembly, Error> {
         let mut assembly = Assembly::new(&self.arms, &self.sets, from, &self.estimate.derivatives)?;
         let free: Vec<usize> = (0..choices.len())
@@ -28,8 +31,7 @@ impl Job {
                     .problem
                     .bound_component(var, *parameter, lower, upper);
             }
-            for (robot, parameter, sigma) in self.estimate.priors.iter().chain(&self.estimate.held)
-            {
+            for (robot, parameter, sigma) in self.estimate.priors.iter().chain(held) {
                 let var = assembly.robot(*robot);
                 if choices[var.column() + parameter] == Choice::Estimated {
                     let nominal = self.arms[*robot].robot.nominal();

@@ -1,14 +1,15 @@
 //! How far a robot may be from its drawing: what the data barely see stays near nominal.
 
 use super::job::Job;
+use super::search::left;
 use crate::doubt::Doubt;
 use crate::error::Error;
 use crate::identify::Choice;
 use crate::model::Assembly;
 use crate::robot::Unit;
 use crate::unknown::State;
-use std::collections::BTreeMap;
-use truing::Solution;
+use std::time::Instant;
+use truing::{Settings, Solution};
 
 /// A prior about nominal: robot, parameter, standard deviation.
 pub(crate) type Prior = (usize, usize, f64);
@@ -29,21 +30,79 @@ const LEAST: f64 = 3.0;
 /// Sizes of errors beside the drawing's are not below this, nor above its inverse.
 const SMALLEST: f64 = 1e-3;
 
+/// What a prior changes by less than this part of a standard deviation is as good as unchanged.
+const NEGLIGIBLE: f64 = 1e-2;
+
 /// Residuals so many times smaller than the stated noise are rounding: nothing is held then.
 const EXACT: f64 = 1e-5;
 
+/// What a drawing says of one estimated parameter.
+struct Drawn {
+    robot: usize,
+    parameter: usize,
+    /// Standard deviation before the data are asked.
+    sigma: f64,
+    /// Whether it is of the links, not of the base or the tool.
+    of_link: bool,
+}
+
+impl Drawn {
+    /// The prior where drawings are off by `growth` times as much; where a robot stands is never better known.
+    fn prior(&self, growth: f64) -> Prior {
+        let growth = if self.of_link {
+            growth
+        } else {
+            growth.max(1.0)
+        };
+        (self.robot, self.parameter, self.sigma * growth)
+    }
+}
+
+/// The noise beside the stated one, and the size of errors beside the drawing's.
+#[derive(Clone, Copy)]
+struct Scales {
+    noise: f64,
+    growth: f64,
+}
+
+impl Scales {
+    /// Whether all the same is held as with others.
+    fn as_good_as(self, other: Self) -> bool {
+        let close = |a: f64, b: f64| a < CLOSE * b && b < CLOSE * a;
+        let exact = self.noise < EXACT && other.noise < EXACT;
+        exact || (close(self.noise, other.noise) && close(self.growth, other.growth))
+    }
+
+    /// The priors, as sizes of errors.
+    fn sizes(self, drawing: &[Drawn]) -> Vec<Prior> {
+        if self.noise < EXACT {
+            return Vec::new();
+        }
+        drawing
+            .iter()
+            .map(|drawn| drawn.prior(self.growth))
+            .collect()
+    }
+
+    /// The same as they count in a problem whose measurements have the stated noise.
+    fn weights(self, drawing: &[Drawn]) -> Vec<Prior> {
+        let beside_noise = |(r, p, sigma): Prior| (r, p, sigma / self.noise);
+        self.sizes(drawing).into_iter().map(beside_noise).collect()
+    }
+}
+
 impl Job {
-    /// The priors of manufacturing size of all estimated parameters that the file gives none for.
+    /// What drawings say of all estimated parameters that the file gives no prior for.
     ///
     /// With τ the part of the robot's dimensions, an angle is off by τ \[rad\], a gain by τ, a length by τ times the
     /// robot's reach, or τ times itself if it is longer. A parameter that stands for others, which are held, has
     /// their share too: σ² = τ² + Σ (w τ)², so that it makes no difference which of them is estimated.
-    pub fn drawing(&self, choices: &[Choice], layout: &Assembly) -> Vec<Prior> {
+    fn drawing(&self, choices: &[Choice], layout: &Assembly) -> Vec<Drawn> {
         let Some(part) = self.estimate.drawing else {
             return Vec::new();
         };
         let reach = self.reach();
-        let mut squares: BTreeMap<usize, f64> = BTreeMap::new();
+        let mut squares = vec![0.0; choices.len()];
         let mut all = Vec::new();
         for (robot, arm) in self.arms.iter().enumerate() {
             let first = layout.robot(robot).column();
@@ -54,43 +113,45 @@ impl Job {
                     Unit::Meter => reach.max(parameter.nominal.abs()),
                     Unit::Other(_) => continue,
                 };
-                let place = if base.contains(&k) {
-                    OF_BASE
-                } else if tool.contains(&k) {
-                    OF_TOOL
-                } else {
-                    1.0
+                let (of_base, of_tool) = (base.contains(&k), tool.contains(&k));
+                let place = match (of_base, of_tool) {
+                    (true, _) => OF_BASE,
+                    (_, true) => OF_TOOL,
+                    _ => 1.0,
                 };
                 let size = part * unit * place;
+                let given = |(r, p, _): &Prior| (*r, *p) == (robot, k);
                 match &choices[first + k] {
                     Choice::Estimated => {
-                        *squares.entry(first + k).or_default() += size * size;
-                        all.push((robot, k, first + k));
+                        squares[first + k] += size * size;
+                        if !self.estimate.priors.iter().any(given) {
+                            all.push((robot, k, first + k, !of_base && !of_tool));
+                        }
                     }
-                    Choice::Regrouped(into) | Choice::Anchor(into) if !base.contains(&k) => {
+                    Choice::Regrouped(into) | Choice::Anchor(into) if !of_base => {
                         for (column, weight) in into {
-                            *squares.entry(*column).or_default() += (weight * size).powi(2);
+                            squares[*column] += (weight * size).powi(2);
                         }
                     }
                     _ => {}
                 }
             }
         }
-        let given = |r: usize, p: usize| {
-            self.estimate
-                .priors
-                .iter()
-                .any(|(a, b, _)| (*a, *b) == (r, p))
+        let drawn = |(robot, parameter, column, of_link): (_, _, usize, _)| Drawn {
+            robot,
+            parameter,
+            sigma: squares[column].sqrt(),
+            of_link,
         };
-        all.retain(|(robot, k, _)| !given(*robot, *k));
-        let size = |(robot, k, column): (usize, usize, usize)| (robot, k, squares[&column].sqrt());
-        all.into_iter().map(size).collect()
+        all.into_iter().map(drawn).collect()
     }
 
     /// The estimate with what the data barely see held near nominal.
     ///
     /// Priors are compared with the noise that the residuals have, not the stated one: without noise nothing is held.
-    /// Where the errors that the data see well are larger than the priors say, these grow to their size.
+    /// Their size is what makes the data most likely (MacKay 1992): τ² ← Σ δ² / Σ (1 − σ²/τ²), never above the drawing's
+    /// but where the robot was found far from it. Each round starts at the solution of the one before; iterations and
+    /// time are those that the settings allow, in all.
     pub fn solve_held(
         &self,
         from: &State,
@@ -98,12 +159,16 @@ impl Job {
         layout: &Assembly,
         doubts: &mut Vec<Doubt>,
     ) -> Result<Held, Error> {
+        let settings = &self.estimate.settings;
+        let deadline = settings.timeout.map(|t| Instant::now() + t);
         let drawing = self.drawing(choices, layout);
-        let mut job = self.with_held(&drawing, 1.0, 1.0);
+        let mut scales = Scales {
+            noise: 1.0,
+            growth: 1.0,
+        };
+        let held = scales.weights(&drawing);
         let (mut assembly, mut state, mut solution) =
-            job.estimate_columns(from, choices, doubts)?;
-        let (mut noise, mut growth) = (1.0_f64, 1.0_f64);
-        // Only what was found far from nominal is farther off than drawings are.
+            self.estimate_columns(from, choices, &held, deadline, doubts)?;
         let far = |doubt: &Doubt| matches!(doubt, Doubt::FarStart { .. });
         let largest = if doubts.iter().any(far) {
             1.0 / SMALLEST
@@ -114,86 +179,92 @@ impl Job {
             if drawing.is_empty() || !solution.termination.converged() {
                 break;
             }
-            let sizes = self.sized(&drawing, growth);
-            let mut unscaled = self.clone();
-            unscaled.estimate.held.clone_from(&sizes);
-            let Ok(judged) = unscaled.uncertainty(&state, choices) else {
+            let Some((next, matters)) =
+                self.seen(&state, choices, &assembly, &drawing, scales, largest)
+            else {
                 break;
             };
-            let next = judged.uncertainty.factor();
-            let (mut squares, mut seen) = (0.0, 0.0);
-            for (robot, parameter, sigma) in &sizes {
-                if self.is_of_link(*robot, *parameter) {
-                    let column = assembly.robot(*robot).column() + parameter;
-                    let nominal = self.arms[*robot].robot.parameters()[*parameter].nominal;
-                    squares += ((state.robots[*robot][*parameter] - nominal) / sigma).powi(2);
-                    seen += (1.0 - (judged.uncertainty.std_dev(column) / sigma).powi(2)).max(0.0);
-                }
-            }
-            let larger = if seen > LEAST {
-                (growth * (squares / seen).sqrt()).clamp(SMALLEST, largest)
-            } else {
-                growth
-            };
-            let same = |a: f64, b: f64| a < CLOSE * b && b < CLOSE * a;
-            if same(next, noise) && same(larger, growth) || next < EXACT && noise < EXACT {
+            let iterations = settings
+                .tolerances
+                .max_iterations
+                .saturating_sub(solution.iterations);
+            if next.as_good_as(scales) || iterations == 0 {
                 break;
             }
-            (noise, growth) = (next, larger);
-            job = self.with_held(if noise < EXACT { &[] } else { &drawing }, noise, growth);
-            let before = (
-                solution.iterations,
-                solution.evaluations,
-                solution.initial_cost,
-            );
-            let near = job.columns_assembled(&state, choices, true)?;
-            (assembly, state, solution) = job.solve_near(near)?;
-            solution.iterations += before.0;
-            solution.evaluations.residual += before.1.residual;
-            solution.evaluations.jacobian += before.1.jacobian;
-            solution.initial_cost = before.2;
+            scales = next;
+            if !matters {
+                break;
+            }
+            let mut settings = Settings {
+                timeout: deadline.map(left),
+                ..settings.clone()
+            };
+            settings.tolerances.max_iterations = iterations;
+            let near = self.columns_assembled(&state, choices, true, &scales.weights(&drawing))?;
+            let before = solution;
+            (assembly, state, solution) = self.solve_near(near, &settings)?;
+            solution.iterations += before.iterations;
+            solution.evaluations.residual += before.evaluations.residual;
+            solution.evaluations.jacobian += before.evaluations.jacobian;
+            solution.initial_cost = before.initial_cost;
         }
-        let held = if noise < EXACT && noise > 0.0 {
-            Vec::new()
-        } else {
-            self.sized(&drawing, growth)
-        };
+        let held = scales.sizes(&drawing);
         Ok(Held {
             assembly,
             state,
             solution,
+            part: self
+                .estimate
+                .drawing
+                .filter(|_| !held.is_empty())
+                .map(|part| part * scales.growth),
             held,
         })
     }
 
-    /// Whether a parameter is of the links, not of the base or the tool.
-    fn is_of_link(&self, robot: usize, parameter: usize) -> bool {
-        let robot = &self.arms[robot].robot;
-        !robot.base_parameters().contains(&parameter)
-            && !robot.tool_parameters().contains(&parameter)
-    }
-
-    fn with_held(&self, drawing: &[Prior], noise: f64, growth: f64) -> Self {
-        let mut job = self.clone();
-        job.estimate.held = self.sized(drawing, growth);
-        job.estimate
-            .held
-            .iter_mut()
-            .for_each(|(_, _, sigma)| *sigma /= noise.max(EXACT));
-        job
-    }
-
-    /// The priors so many times as large; where a robot stands is never better known.
-    fn sized(&self, drawing: &[Prior], growth: f64) -> Vec<Prior> {
-        let size = |(robot, parameter, sigma): &Prior| {
-            let of_link = self.is_of_link(*robot, *parameter);
-            (
-                *robot,
-                *parameter,
-                sigma * if of_link { growth } else { growth.max(1.0) },
-            )
+    /// The noise that the residuals have, and the size of errors that makes the data most likely, with whether it moves
+    /// any estimate by a part of its σ worth a solution; none where unknowns cannot be told apart.
+    fn seen(
+        &self,
+        state: &State,
+        choices: &[Choice],
+        assembly: &Assembly,
+        drawing: &[Drawn],
+        scales: Scales,
+        largest: f64,
+    ) -> Option<(Scales, bool)> {
+        let sizes = scales.sizes(drawing);
+        let covered = self.covariance(state, choices, &sizes).ok()?;
+        let noise = if covered.sigma0.is_finite() {
+            covered.sigma0
+        } else {
+            1.0
         };
-        drawing.iter().map(size).collect()
+        let (mut squares, mut seen) = (0.0, 0.0);
+        for (robot, parameter, sigma) in drawing
+            .iter()
+            .zip(&sizes)
+            .filter(|(drawn, _)| drawn.of_link)
+            .map(|(_, prior)| *prior)
+        {
+            let column = assembly.robot(robot).column() + parameter;
+            let nominal = self.arms[robot].robot.parameters()[parameter].nominal;
+            squares += ((state.robots[robot][parameter] - nominal) / sigma).powi(2);
+            seen += (1.0 - (covered.covariance.std_dev(column) * noise / sigma).powi(2)).max(0.0);
+        }
+        let growth = if seen > LEAST {
+            (scales.growth * (squares / seen).sqrt()).clamp(SMALLEST, largest)
+        } else {
+            scales.growth
+        };
+        let next = Scales { noise, growth };
+        // A prior moves an estimate by about (σ/τ) σ, with σ as the noise makes it or as it was stated.
+        let matters = drawing.iter().any(|drawn| {
+            let (robot, parameter, sigma) = drawn.prior(growth.min(scales.growth));
+            let column = assembly.robot(robot).column() + parameter;
+            covered.covariance.std_dev(column) * noise.max(1.0 / noise) > NEGLIGIBLE * sigma
+        });
+        Some((next, matters))
     }
 }
 
@@ -203,4 +274,6 @@ pub(crate) struct Held {
     pub state: State,
     pub solution: Solution,
     pub held: Vec<Prior>,
+    /// Their size as a part of the robots' dimensions; none where nothing is held.
+    pub part: Option<f64>,
 }

@@ -109,9 +109,9 @@ impl Job {
             sets: self.sets.iter().map(MeasurementSet::unweighted).collect(),
             ..self.clone()
         };
-        let plain = unweighted.columns_assembled(from, choices, true)?;
+        let plain = unweighted.columns_assembled(from, choices, true, &[])?;
         let robust = if assembly.problem.is_robust() {
-            let convex = self.convex().columns_assembled(from, choices, true)?;
+            let convex = self.convex().columns_assembled(from, choices, true, &[])?;
             let stated = assembly;
             Some(Robust { stated, convex })
         } else {

@@ -32,8 +32,6 @@ pub(crate) struct Chosen {
     pub priors: Vec<(usize, usize, f64)>,
     /// How far drawings are off, as a part of the robots' dimensions; none to hold nothing.
     pub drawing: Option<f64>,
-    /// What the drawings say, as priors.
-    pub held: Vec<(usize, usize, f64)>,
     /// All parameters as (robot, parameter), those kept first first.
     pub preference: Vec<(usize, usize)>,
     pub derivatives: Derivatives,
@@ -195,7 +193,6 @@ fn chosen(calibration: &Calibration) -> Result<Chosen, Error> {
         bounds,
         priors,
         drawing: estimate.drawing,
-        held: Vec::new(),
         preference: order,
         derivatives: estimate.derivatives.clone(),
         settings: estimate.settings.clone(),

@@ -19,6 +19,7 @@ pub(crate) mod words;
 
 pub use calibration::{Calibration, Estimate, Strategy};
 pub(crate) use check_sets::ordinary;
+pub(crate) use drawing::Prior;
 pub use estimated::Estimated;
 pub(crate) use job::Job;
 pub use stage::Stage;

@@ -1,5 +1,6 @@
 //! From a state to the estimate: registration, where to start, and the least-squares problem.
 
+use super::drawing::Prior;
 use super::job::Job;
 use super::search::left;
 use crate::doubt::{Doubt, SearchEnd};
@@ -87,19 +88,19 @@ impl Job {
         start(&self.arms, &self.sets, robots, &State::default())
     }
 
-    /// The estimate: from a state, or from where a search finds that it should start.
+    /// The estimate: from a state, with parameters held near nominal, or from where a search finds that it should start.
     pub fn estimate_columns(
         &self,
         from: &State,
         choices: &[Choice],
+        held: &[Prior],
+        deadline: Option<Instant>,
         doubts: &mut Vec<Doubt>,
     ) -> Result<(Assembly, State, Solution), Error> {
-        let mut free = self.clone();
-        free.estimate.held = Vec::new();
-        let assembly = free.columns_assembled(from, choices, true)?;
-        let deadline = self.estimate.settings.timeout.map(|t| Instant::now() + t);
+        // What is looked for far away is not held.
+        let assembly = self.columns_assembled(from, choices, true, &[])?;
         let Some(found) = self.far_start(from, &assembly, choices, deadline)? else {
-            return self.solve_assembled(self.columns_assembled(from, choices, true)?, true);
+            return self.solve_assembled(self.columns_assembled(from, choices, true, held)?, true);
         };
         let settings = Settings {
             timeout: deadline.map(left),
@@ -141,14 +142,18 @@ impl Job {
         choices: &[Choice],
         full: bool,
     ) -> Result<(Assembly, State, Solution), Error> {
-        let assembly = self.columns_assembled(from, choices, full)?;
+        let assembly = self.columns_assembled(from, choices, full, &[])?;
         self.solve_assembled(assembly, full)
     }
 
     /// The minimum near a solution.
-    pub fn solve_near(&self, assembly: Assembly) -> Result<(Assembly, State, Solution), Error> {
+    pub fn solve_near(
+        &self,
+        assembly: Assembly,
+        settings: &Settings,
+    ) -> Result<(Assembly, State, Solution), Error> {
         let initial = assembly.problem.initial();
-        let solution = solve_from(&assembly.problem, initial, &self.estimate.settings)?;
+        let solution = solve_from(&assembly.problem, initial, settings)?;
         let mut state = assembly.state(&solution.values);
         start_eliminated(&self.arms, &self.sets, &mut state);
         Ok((assembly, state, solution))

@@ -35,6 +35,8 @@ pub(crate) struct Solved {
     pub solution: Solution,
     /// The priors of manufacturing size.
     pub held: Vec<Prior>,
+    /// Their size as a part of the robots' dimensions; none where nothing is held.
+    pub part: Option<f64>,
 }
 
 impl Job {
@@ -123,6 +125,7 @@ impl Job {
             state: estimated,
             solution,
             held,
+            part,
         } = self.solve_held(&from, &choices, &layout, doubts)?;
         Ok(Solved {
             begin,
@@ -132,6 +135,7 @@ impl Job {
             choices,
             solution,
             held,
+            part,
         })
     }
 }

@@ -8,7 +8,7 @@ use crate::measurement::MeasurementSet;
 use crate::model::{Assembly, Owner, errors_of, is_given};
 use crate::start::start;
 use crate::unknown::{Key, State};
-use truing::{Settings, Values, solve_graduated};
+use truing::{LeastSquares, Settings, Values, solve_graduated};
 
 /// A set's residuals are summarised from these three states.
 pub(crate) struct Fitted {
@@ -27,6 +27,17 @@ impl Job {
         let registered = self.errors(set, &fitted.registered)?;
         let after = self.errors(set, &fitted.estimated)?;
         Ok(result_of(set, before, registered, after))
+    }
+
+    /// Residuals of all sets in a state, whitened, without losses.
+    pub(super) fn whitened(&self, state: &State) -> Result<Vec<f64>, Error> {
+        let sets: Vec<MeasurementSet> = self.sets.iter().map(MeasurementSet::unweighted).collect();
+        let assembly = Assembly::new(&self.arms, &sets, state, &self.estimate.derivatives)?;
+        let mut r = vec![0.0; assembly.problem.rows()];
+        assembly
+            .problem
+            .residual(assembly.problem.initial(), &mut r);
+        Ok(r)
     }
 
     /// Errors of one set in a state.
@@ -62,29 +73,37 @@ impl Job {
         })
     }
 
+    /// Residuals of a set that only validates: what it alone knows of is fitted to it, robots stay.
+    pub(super) fn fitted_residuals(
+        &self,
+        set: &MeasurementSet,
+        state: &State,
+    ) -> Result<Vec<f64>, Error> {
+        let sets = &[set.plain()];
+        let begin = start(&self.arms, sets, state.robots.clone(), state);
+        let mut assembly = Assembly::new(&self.arms, sets, &begin, &self.estimate.derivatives)?;
+        let free: Vec<usize> = in_order(&assembly, &[], |owner| match owner {
+            Owner::Parameter { .. } | Owner::Constant => false,
+            Owner::Frame(name) => state.frame(name).is_none(),
+            Owner::Target(robot, name) => state.get(&Key::Target(*robot, name.clone())).is_none(),
+            _ => true,
+        });
+        assembly.free_only(&free);
+        let values: Values = if free.is_empty() {
+            assembly.problem.initial().clone()
+        } else {
+            solve_graduated(&assembly.problem, &Settings::default())?.values
+        };
+        Ok(assembly.residuals(0, &values))
+    }
+
     /// Errors of a set that only validates: what it alone knows of is fitted to it, robots stay.
     pub fn validate_set(&self, set: &MeasurementSet, fitted: &Fitted) -> Result<SetResult, Error> {
         let sets = &[set.plain()];
         let errors = |state: &State| -> Result<ErrorSummary, Error> {
-            let begin = start(&self.arms, sets, state.robots.clone(), state);
-            let mut assembly = Assembly::new(&self.arms, sets, &begin, &self.estimate.derivatives)?;
-            let free: Vec<usize> = in_order(&assembly, &[], |owner| match owner {
-                Owner::Parameter { .. } | Owner::Constant => false,
-                Owner::Frame(name) => state.frame(name).is_none(),
-                Owner::Target(robot, name) => {
-                    state.get(&Key::Target(*robot, name.clone())).is_none()
-                }
-                _ => true,
-            });
-            assembly.free_only(&free);
-            let values: Values = if free.is_empty() {
-                assembly.problem.initial().clone()
-            } else {
-                solve_graduated(&assembly.problem, &Settings::default())?.values
-            };
             Ok(ErrorSummary::of_residuals(
                 set,
-                &assembly.residuals(0, &values),
+                &self.fitted_residuals(set, state)?,
             ))
         };
         let before = match is_given(set) {

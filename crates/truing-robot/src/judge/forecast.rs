@@ -1,15 +1,16 @@
 //! Whether the calibrated robot predicts what it was not estimated from.
 
-use super::clusters::clusters;
+use super::clusters::{clusters, postures};
 use super::errors::Fitted;
 use super::figures::ToolEverywhere;
-use super::foresight::Place;
-use super::leave_out::LeaveOut;
+use super::foresight::{Foreseer, Foresight, Place};
+use super::leave_out::{Comparison, LinearModel};
 use super::uncertainty::Judged;
 use crate::doubt::{Doubt, Forecast};
 use crate::error::Error;
 use crate::estimate::Job;
 use crate::identify::Choice;
+use crate::measurement::MeasurementSet;
 use crate::model::Assembly;
 
 /// Clusters of postures a set is divided into, at most, and regions.
@@ -19,26 +20,26 @@ const REGIONS: usize = 4;
 /// So many standard errors are no chance, one-sided at 5 %.
 const BEYOND_CHANCE: f64 = 1.645;
 
-/// Where the tool is asked for far from what was measured, fewer standard errors than these are too few.
-const WILD: f64 = 0.5;
-
 /// At the postures that were measured these are enough, one-sided at 10 %: leaving out has asked already.
 const LIKELY: f64 = 1.28;
 
-/// A change of the robot is one of its size if this part of it is.
+/// Where the tool is asked for far from what was measured, fewer standard errors than these are too few.
+const WILD: f64 = 0.5;
+
+/// A change of the robot is one of its size if this part of it is, and residuals contradict it: joints that slide do
+/// not grow along.
 const MOSTLY: f64 = 0.5;
 
-/// The same where lengths have grown beyond chance.
+/// The same where lengths have grown beyond chance, at this level.
 const PARTLY: f64 = 0.3;
-
-/// Level at which lengths have not grown by chance.
 const UNLIKELY: f64 = 0.01;
 
 /// Fewer different postures than this part of the rows are worth saying.
 const REPEATED: f64 = 0.5;
 
 impl Job {
-    /// Doubts from leaving clusters of postures out, and from the tool all over the joints' ranges.
+    /// Doubts from leaving clusters of postures out, from rows that were not used, and from the tool all over the joints'
+    /// ranges.
     pub fn doubt_forecast(
         &self,
         fitted: &Fitted,
@@ -47,13 +48,70 @@ impl Job {
         judged: &Judged,
         doubts: &mut Vec<Doubt>,
     ) -> Result<Vec<ToolEverywhere>, Error> {
-        let mut rows = self.estimate.priors.len();
+        self.doubt_repetitions(choices, doubts);
+        let model = LinearModel::new(self, judged, &fitted.registered)?;
+        let left_out = model.leave_out(CLUSTERS);
+        if left_out.comparison.clusters() < 2 {
+            doubts.push(Doubt::OnePosture);
+            return Ok(Vec::new());
+        }
+        // What is wrong in the same way in near postures shows where whole regions are left out.
+        let regions = model.leave_out(REGIONS);
+        let foreseer = Foreseer {
+            job: self,
+            fitted,
+            assembly,
+            choices,
+            judged,
+        };
+        // Rows that were not used have the first word on what was measured.
+        let unused_are_better = self.unused_are_better(fitted)?;
+        if !unused_are_better {
+            doubts.extend(doubt_of(&left_out.comparison));
+            let measured = foreseer.foresee(&model.free, &[&left_out], Place::Measured);
+            let unsure = measured.iter().filter(|here| here.gain < LIKELY);
+            doubts.extend(unsure.map(|here| self.elsewhere(here, Place::Measured, true)));
+        }
+        // Touches see a part of the tool only; bounds say what the covariance does not.
+        let misfit = judged.misfit().is_some();
+        let blind = foreseer.is_scale_free() && self.estimate.bounds.is_empty();
+        let least = if blind && (misfit || !unused_are_better) {
+            LIKELY
+        } else {
+            WILD
+        };
+        let everywhere = foreseer.foresee(&model.free, &[&left_out, &regions], Place::Everywhere);
+        for tool in &everywhere {
+            let grown = tool.grown;
+            let likely = grown.p_value < UNLIKELY && grown.share > PARTLY;
+            if likely || (misfit && grown.share > MOSTLY) {
+                doubts.push(Doubt::Grown {
+                    robot: self.arms[tool.robot].title().to_owned(),
+                    factor: grown.factor,
+                    share: grown.share,
+                });
+            }
+            if tool.gain < BEYOND_CHANCE {
+                doubts.push(self.elsewhere(tool, Place::Everywhere, tool.gain < least));
+            }
+        }
+        let tool = |tool: &Foresight| ToolEverywhere {
+            robot: self.arms[tool.robot].name.clone(),
+            expected: tool.expected,
+            bound: tool.bound,
+            nominal: tool.nominal(),
+            change: tool.change,
+        };
+        Ok(everywhere.iter().map(tool).collect())
+    }
+
+    /// Rows of one posture count once: measured again, it says nothing of another.
+    fn doubt_repetitions(&self, choices: &[Choice], doubts: &mut Vec<Doubt>) {
+        let (mut all, mut different) = (0, 0);
         for set in &self.sets {
-            let postures = clusters(&self.arms, set, set.len())
-                .into_iter()
-                .max()
-                .map_or(0, |last| last + 1);
-            rows += postures * set.dim();
+            let postures = postures(&self.arms, set);
+            all += set.len() * set.dim();
+            different += postures * set.dim();
             if (postures as f64) < REPEATED * set.len() as f64 {
                 doubts.push(Doubt::Duplicated {
                     set: set.name.clone(),
@@ -62,82 +120,76 @@ impl Job {
                 });
             }
         }
-        // Measured again, a posture says nothing of another: only different ones check unknowns.
         let unknowns = choices.iter().filter(|c| **c == Choice::Estimated).count();
-        let all: usize = self.sets.iter().map(|set| set.len() * set.dim()).sum();
-        if rows <= unknowns && all > unknowns {
-            doubts.push(Doubt::Unchecked { rows });
+        let (all, different) = (
+            all + self.estimate.priors.len(),
+            different + self.estimate.priors.len(),
+        );
+        if different <= unknowns && all > unknowns {
+            doubts.push(Doubt::Unchecked { rows: different });
         }
-        let left_out = self.leave_out(judged, &fitted.registered, CLUSTERS)?;
-        let count = left_out.clusters.len();
-        if count < 2 {
-            doubts.push(Doubt::OnePosture);
-            return Ok(Vec::new());
-        }
-        let (gain, ratio) = (left_out.gain(), left_out.ratio());
-        let forecast = match gain {
-            gain if gain > BEYOND_CHANCE => Forecast::Better,
-            gain if gain < -BEYOND_CHANCE => Forecast::Worse,
-            _ => Forecast::Chance,
-        };
-        if forecast != Forecast::Better {
-            doubts.push(Doubt::Prediction {
-                forecast,
-                ratio,
-                gain,
-                clusters: count,
-            });
-        }
-        // What is wrong in the same way in near postures shows where whole regions are left out.
-        let regions = self.leave_out(judged, &fitted.registered, REGIONS)?;
-        let all = [left_out, regions];
-        let mut tools = Vec::new();
-        let foresee = |left_out: &[LeaveOut], place| {
-            self.foresee(fitted, assembly, choices, judged, left_out, place)
-        };
-        for here in foresee(&all[..1], Place::Measured) {
-            if here.gain < LIKELY {
-                doubts.push(Doubt::Elsewhere {
-                    robot: self.arms[here.robot].title().to_owned(),
-                    expected: here.expected,
-                    nominal: here.nominal(),
-                    gain: here.gain,
-                    measured: true,
-                    fatal: true,
-                });
-            }
-        }
-        for foresight in foresee(&all, Place::Everywhere) {
-            let robot = self.arms[foresight.robot].title().to_owned();
-            tools.push(ToolEverywhere {
-                robot: self.arms[foresight.robot].name.clone(),
-                expected: foresight.expected,
-                bound: foresight.bound,
-                nominal: foresight.nominal(),
-                change: foresight.change,
-            });
-            // Joints that slide do not grow along: they contradict it.
-            let grown = foresight.grown;
-            let likely = grown.p_value < UNLIKELY && grown.share > PARTLY;
-            if likely || (grown.misfit && grown.share > MOSTLY) {
-                doubts.push(Doubt::Grown {
-                    robot: robot.clone(),
-                    factor: foresight.grown.factor,
-                    share: foresight.grown.share,
-                });
-            }
-            if foresight.gain < BEYOND_CHANCE {
-                doubts.push(Doubt::Elsewhere {
-                    robot,
-                    expected: foresight.expected,
-                    nominal: foresight.nominal(),
-                    gain: foresight.gain,
-                    measured: false,
-                    // Touches that do not fit show a part of what is wrong.
-                    fatal: foresight.gain < if foresight.blind { LIKELY } else { WILD },
-                });
-            }
-        }
-        Ok(tools)
     }
+
+    /// Whether rows that were not used, all together, are predicted better than by the registered nominal robot, beyond
+    /// chance; not if there are none. A set that is worse is a doubt of its own.
+    fn unused_are_better(&self, fitted: &Fitted) -> Result<bool, Error> {
+        let mut unused = Comparison::default();
+        for (_, set) in self.held_out.iter().filter(|(_, set)| !set.is_empty()) {
+            let calibrated = self.residuals(set, &fitted.estimated)?;
+            let registered = self.residuals(set, &fitted.registered)?;
+            unused.append(self.compared(set, &calibrated, &registered));
+        }
+        for set in &self.validate {
+            let calibrated = self.fitted_residuals(set, &fitted.estimated)?;
+            let registered = self.fitted_residuals(set, &fitted.registered)?;
+            unused.append(self.compared(set, &calibrated, &registered));
+        }
+        Ok(unused.gain() > BEYOND_CHANCE)
+    }
+
+    /// Residuals of one robot beside another's, cluster after cluster of a set's postures.
+    fn compared(&self, set: &MeasurementSet, of: &[f64], other: &[f64]) -> Comparison {
+        let clusters = clusters(&self.arms, set, CLUSTERS);
+        let mut squares = vec![(0.0, 0.0); clusters.iter().max().map_or(0, |last| last + 1)];
+        // By the first thing that is measured, as errors are: others have other units.
+        let rows = set.kind.measurands()[0].rows;
+        let pairs = of
+            .chunks_exact(set.dim())
+            .zip(other.chunks_exact(set.dim()));
+        for (cluster, (a, b)) in clusters.iter().zip(pairs) {
+            let square = |r: &[f64]| r[..rows].iter().map(|r| r * r).sum::<f64>();
+            squares[*cluster].0 += square(a);
+            squares[*cluster].1 += square(b);
+        }
+        Comparison::of(squares.into_iter())
+    }
+
+    fn elsewhere(&self, tool: &Foresight, place: Place, fatal: bool) -> Doubt {
+        Doubt::Elsewhere {
+            robot: self.arms[tool.robot].title().to_owned(),
+            expected: tool.expected,
+            nominal: tool.nominal(),
+            gain: tool.gain,
+            measured: place == Place::Measured,
+            fatal,
+        }
+    }
+}
+
+/// A doubt unless the calibrated robot is the better one beyond chance.
+fn doubt_of(comparison: &Comparison) -> Option<Doubt> {
+    let gain = comparison.gain();
+    let forecast = if gain > BEYOND_CHANCE {
+        return None;
+    } else if gain < -BEYOND_CHANCE {
+        Forecast::Worse
+    } else {
+        Forecast::Chance
+    };
+    Some(Doubt::Prediction {
+        forecast,
+        ratio: comparison.ratio(),
+        gain,
+        clusters: comparison.clusters(),
+    })
 }

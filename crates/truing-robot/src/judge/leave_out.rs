@@ -4,175 +4,185 @@ use super::clusters::clusters;
 use super::uncertainty::Judged;
 use crate::error::Error;
 use crate::estimate::Job;
-use crate::measurement::MeasurementSet;
-use crate::model::Assembly;
 use crate::unknown::State;
 use truing::nalgebra::{Cholesky, DMatrix, DVector};
-use truing::{LeastSquares, Linearization};
+use truing::{LeastSquares, Linearization, Problem};
 
-/// A cluster of measurements that was left out.
-pub(crate) struct LeftOut {
-    /// Their squared whitened residuals as predicted from all other measurements.
-    pub predicted: f64,
-    /// The same of the registered nominal robot.
-    pub registered: f64,
-    /// How the estimate changes without them, a number for every free column.
-    pub shift: DVector<f64>,
+/// What the other measurements determine by less than this part of all of them, for each unknown, is as good as free
+/// without them: rounding.
+const SINGULAR: f64 = 64.0 * f64::EPSILON;
+
+/// Squared errors below this part of all of them are rounding.
+const ROUNDING: f64 = 1e-18;
+
+/// By how much better some measurements are predicted by one robot than by another, cluster after cluster of postures.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Comparison {
+    /// Logarithms of the ratio of RMS errors, this robot's over the other's.
+    logs: Vec<f64>,
 }
 
-/// All clusters, each left out in turn.
-pub(crate) struct LeaveOut {
-    pub clusters: Vec<LeftOut>,
-    /// The columns that shifts are of.
-    pub free: Vec<usize>,
-}
-
-impl LeaveOut {
-    /// By how many standard errors the calibrated robot predicts measurements that it was not estimated from better
-    /// than the registered nominal one: the mean over clusters of the logarithm of the ratio of errors, in which neither
-    /// an outlier nor a unit counts, beside its scatter.
-    pub fn gain(&self) -> f64 {
-        let n = self.clusters.len() as f64;
-        let scatter = self
-            .logs()
-            .map(|log| (log - self.mean()).powi(2))
-            .sum::<f64>()
-            / (n - 1.0);
-        -self.mean() / (scatter / n).sqrt()
+impl Comparison {
+    /// From the squared errors of both in every cluster.
+    pub fn of(squares: impl Iterator<Item = (f64, f64)> + Clone) -> Self {
+        // Where there is nothing but rounding neither is better.
+        let rounding = ROUNDING * squares.clone().map(|(a, b)| a + b).sum::<f64>();
+        let log = |x: f64| 0.5 * (x + rounding).max(f64::MIN_POSITIVE).ln();
+        Self {
+            logs: squares.map(|(a, b)| log(a) - log(b)).collect(),
+        }
     }
 
-    /// Ratio of the errors, calibrated over registered, as the geometric mean over clusters.
+    /// Adds the clusters of another set.
+    pub fn append(&mut self, other: Self) {
+        self.logs.extend(other.logs);
+    }
+
+    /// How many clusters were compared.
+    pub fn clusters(&self) -> usize {
+        self.logs.len()
+    }
+
+    /// Ratio of the errors, as the geometric mean over clusters.
     pub fn ratio(&self) -> f64 {
         self.mean().exp()
     }
 
-    fn mean(&self) -> f64 {
-        self.logs().sum::<f64>() / self.clusters.len() as f64
+    /// By how many standard errors this robot is the better one: the mean logarithm of the ratio beside its scatter
+    /// over clusters, in which neither an outlier nor a unit counts. NaN if there is nothing to compare.
+    pub fn gain(&self) -> f64 {
+        let (n, mean) = (self.logs.len() as f64, self.mean());
+        let squares: f64 = self.logs.iter().map(|log| (log - mean).powi(2)).sum();
+        -mean / (squares / (n - 1.0) / n).sqrt()
     }
 
-    fn logs(&self) -> impl Iterator<Item = f64> {
-        let all: f64 = self
-            .clusters
-            .iter()
-            .map(|c| c.predicted + c.registered)
-            .sum();
-        // Where there is nothing but rounding neither is better.
-        let size = move |squares: f64| (squares + ROUNDING * all).max(f64::MIN_POSITIVE).ln();
-        (self.clusters.iter()).map(move |c| 0.5 * (size(c.predicted) - size(c.registered)))
+    fn mean(&self) -> f64 {
+        self.logs.iter().sum::<f64>() / self.logs.len() as f64
     }
 }
 
-impl Job {
-    /// Leaves every cluster of postures out in turn, by the linear model at the solution: with A = JᵀJ,
-    /// δ₋c = (A − JcᵀJc)⁻¹ Jcᵀ rc, and its rows are predicted with rc + Jc δ₋c. Robust losses weigh.
-    pub fn leave_out(
-        &self,
-        judged: &Judged,
-        registered: &State,
-        most: usize,
-    ) -> Result<LeaveOut, Error> {
+/// Clusters of measurements, each left out in turn.
+pub(crate) struct LeftOut {
+    /// Predictions of the left-out measurements beside those of the registered nominal robot.
+    pub comparison: Comparison,
+    /// How the estimate changes without each cluster, a number for every free column.
+    pub shifts: Vec<DVector<f64>>,
+}
+
+/// The linear model of a calibration at its solution, to leave measurements out of.
+pub(crate) struct LinearModel<'a> {
+    job: &'a Job,
+    problem: &'a Problem,
+    lin: Linearization,
+    /// Whitened residuals of the registered nominal robot.
+    registered: Vec<f64>,
+    /// Square roots of what robust losses weigh rows with.
+    weight: Vec<f64>,
+    /// The free columns.
+    pub free: Vec<usize>,
+}
+
+impl<'a> LinearModel<'a> {
+    /// At the solution that was judged, with the residuals of the registered nominal robot to compare with.
+    pub fn new(job: &'a Job, judged: &'a Judged, registered: &State) -> Result<Self, Error> {
         let problem = &judged.assembly.problem;
-        let free = problem.free();
         let mut lin = Linearization::new(problem.structure());
         problem.linearize(problem.initial(), &mut lin);
-        let plain: Vec<MeasurementSet> = self.sets.iter().map(MeasurementSet::unweighted).collect();
-        let base = Assembly::new(&self.arms, &plain, registered, &self.estimate.derivatives)?;
-        let mut nominal = vec![0.0; base.problem.rows()];
-        base.problem.residual(base.problem.initial(), &mut nominal);
-
-        // Every row's cluster and weight; priors belong to none.
-        let mut of_row = vec![usize::MAX; problem.rows()];
         let mut weight = vec![1.0; problem.rows()];
-        let mut count = 0;
-        for (k, (set, block)) in self.sets.iter().zip(problem.blocks()).enumerate() {
-            let rows = problem.block_rows(k);
-            let own = clusters(&self.arms, set, most);
-            let clusters = own.iter().max().map_or(0, |last| last + 1);
-            for (item, row) in rows.clone().step_by(block.dim()).enumerate() {
+        for (k, (set, block)) in job.sets.iter().zip(problem.blocks()).enumerate() {
+            for item in problem.block_rows(k).step_by(block.dim()) {
+                let item = item..item + block.dim();
+                let s = lin.residual[item.clone()].iter().map(|r| r * r).sum();
+                let (_, slope, _) = set.loss.evaluate(s);
+                weight[item].fill(slope.max(0.0).sqrt());
+            }
+        }
+        Ok(Self {
+            job,
+            registered: job.whitened(registered)?,
+            free: problem.free(),
+            problem,
+            lin,
+            weight,
+        })
+    }
+
+    /// Leaves every cluster out in turn: with A = JᵀJ, δ₋c = (A − JcᵀJc)⁻¹ Jcᵀ rc, and its rows are predicted with
+    /// rc + Jc δ₋c. There are at most `most` clusters a set.
+    pub fn leave_out(&self, most: usize) -> LeftOut {
+        let mut rows: Vec<Vec<usize>> = Vec::new();
+        for (k, (set, block)) in self.job.sets.iter().zip(self.problem.blocks()).enumerate() {
+            let own = clusters(&self.job.arms, set, most);
+            let (first, count) = (rows.len(), own.iter().max().map_or(0, |last| last + 1));
+            rows.resize(first + count, Vec::new());
+            let items = self.problem.block_rows(k).step_by(block.dim());
+            for (item, row) in items.enumerate() {
                 // Equations that leave unknowns out are about several measurements: parts of their list.
                 let cluster = if block.len() == set.len() {
                     own[item]
                 } else {
-                    item * clusters / block.len()
+                    item * count / block.len()
                 };
-                let item_rows = row..row + block.dim();
-                let s: f64 = lin.residual[item_rows.clone()].iter().map(|r| r * r).sum();
-                let (_, slope, _) = set.loss.evaluate(s);
-                for row in item_rows {
-                    of_row[row] = count + cluster;
-                    weight[row] = slope.max(0.0).sqrt();
-                }
-            }
-            count += clusters;
-        }
-        let mut places = vec![Vec::new(); count];
-        let mut place = vec![0; problem.rows()];
-        for (row, cluster) in of_row.iter().enumerate() {
-            if let Some(rows) = places.get_mut(*cluster) {
-                place[row] = rows.len();
-                rows.push(row);
+                rows[first + cluster].extend(row..row + block.dim());
             }
         }
-        let n = free.len();
-        let mut jacobians: Vec<DMatrix<f64>> = places
-            .iter()
-            .map(|rows| DMatrix::zeros(rows.len(), n))
-            .collect();
-        let mut all = DMatrix::zeros(n, n);
-        let mut of_priors: Vec<Vec<(usize, f64)>> = vec![Vec::new(); problem.rows()];
-        for (k, column) in free.iter().enumerate() {
-            for (row, value) in lin.column(*column) {
-                match jacobians.get_mut(of_row[row]) {
-                    Some(j) => j[(place[row], k)] = weight[row] * value,
-                    None => of_priors[row].push((k, value)),
-                }
-            }
-        }
-        for row in &of_priors {
-            for (i, a) in row {
-                row.iter().for_each(|(k, b)| all[(*i, *k)] += a * b);
-            }
-        }
-        let squares: Vec<DMatrix<f64>> = jacobians.iter().map(|j| j.tr_mul(j)).collect();
-        squares.iter().for_each(|square| all += square);
-        let scale: DVector<f64> = all.diagonal().map(|a| if a > 0.0 { a.sqrt() } else { 1.0 });
-
-        let mut left_out = Vec::new();
-        for ((rows, j), square) in places.iter().zip(&jacobians).zip(&squares) {
-            let r = DVector::from_iterator(
-                rows.len(),
-                rows.iter().map(|row| weight[*row] * lin.residual[*row]),
-            );
-            let mut rest = &all - square;
+        let n = self.free.len();
+        let (jacobians, mut all) = self.jacobians(&rows);
+        jacobians.iter().for_each(|j| all.gemm_tr(1.0, j, j, 1.0));
+        let scale = all.diagonal().map(|a| if a > 0.0 { a.sqrt() } else { 1.0 });
+        let (mut squares, mut shifts) = (Vec::new(), Vec::new());
+        for (rows, j) in rows.iter().zip(&jacobians) {
+            let weighted = |of: &[f64]| {
+                let of = rows.iter().map(|row| self.weight[*row] * of[*row]);
+                DVector::from_iterator(rows.len(), of)
+            };
+            let (r, nominal) = (weighted(&self.lin.residual), weighted(&self.registered));
+            let mut rest = all.clone();
+            rest.gemm_tr(-1.0, j, j, 1.0);
             for i in 0..n {
                 (0..n).for_each(|k| rest[(i, k)] /= scale[i] * scale[k]);
-                rest[(i, i)] += SINGULAR;
+                rest[(i, i)] += SINGULAR * n as f64;
             }
-            let gradient = j.tr_mul(&r).component_div(&scale);
-            let Some(factor) = Cholesky::new(rest) else {
-                continue;
+            // What cannot be predicted is no better than chance.
+            let shift = match Cholesky::new(rest) {
+                Some(factor) => factor
+                    .solve(&j.tr_mul(&r).component_div(&scale))
+                    .component_div(&scale),
+                None => DVector::from_element(n, f64::NAN),
             };
-            let shift = factor.solve(&gradient).component_div(&scale);
-            let predicted = (&r + j * &shift).norm_squared();
-            let registered = rows
-                .iter()
-                .map(|row| (weight[*row] * nominal[*row]).powi(2))
-                .sum();
-            left_out.push(LeftOut {
-                predicted,
-                registered,
-                shift,
-            });
+            squares.push(((&r + j * &shift).norm_squared(), nominal.norm_squared()));
+            shifts.push(shift);
         }
-        Ok(LeaveOut {
-            clusters: left_out,
-            free,
-        })
+        LeftOut {
+            comparison: Comparison::of(squares.into_iter()),
+            shifts,
+        }
+    }
+
+    /// The weighted Jacobian of every cluster's rows, and JᵀJ of the priors, which belong to none.
+    fn jacobians(&self, clusters: &[Vec<usize>]) -> (Vec<DMatrix<f64>>, DMatrix<f64>) {
+        let n = self.free.len();
+        let mut places = vec![None; self.problem.rows()];
+        for (cluster, rows) in clusters.iter().enumerate() {
+            for (place, row) in rows.iter().enumerate() {
+                places[*row] = Some((cluster, place));
+            }
+        }
+        let blank = |rows: &Vec<usize>| DMatrix::zeros(rows.len(), n);
+        let mut jacobians: Vec<DMatrix<f64>> = clusters.iter().map(blank).collect();
+        let measured: usize = clusters.iter().map(Vec::len).sum();
+        let mut priors = DMatrix::zeros(self.problem.rows() - measured, n);
+        for (k, column) in self.free.iter().enumerate() {
+            for (row, value) in self.lin.column(*column) {
+                match places[row] {
+                    Some((cluster, place)) => {
+                        jacobians[cluster][(place, k)] = self.weight[row] * value;
+                    }
+                    // Priors stand behind all measurements.
+                    None => priors[(row - measured, k)] = value,
+                }
+            }
+        }
+        (jacobians, priors.tr_mul(&priors))
     }
 }
-
-/// What the other measurements determine by less than this part of all of them is as good as free without them.
-const SINGULAR: f64 = 1e-12;
-
-/// Squared errors below this part of all of them are rounding.
-const ROUNDING: f64 = 1e-18;

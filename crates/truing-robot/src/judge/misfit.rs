@@ -5,14 +5,12 @@ use super::uncertainty::Judged;
 use crate::doubt::{Cause, Doubt};
 use crate::estimate::Job;
 use crate::measurement::MeasurementSet;
+use crate::robot::JointKind;
 use truing::nalgebra::{DMatrix, DVector};
 use truing::statistics::ChiSquareTest;
 
 /// So many measurements for every number of a regression, at least.
 const EACH: usize = 4;
-
-/// Level of the global test that residuals must fail for causes to be looked for.
-pub(super) const CERTAIN: f64 = 1e-3;
 
 /// Something that residuals may go with: a name, a joint, and functions of every row.
 struct Candidate {
@@ -26,15 +24,9 @@ impl Job {
     /// the sine and cosine of a joint's angle and of its double. A regression of the whitened residuals of a set on each
     /// is beyond chance at the level of 5 % over all that are tried (Bonferroni).
     pub fn doubt_misfit(&self, judged: &Judged, doubts: &mut Vec<Doubt>) {
-        let freedom = judged.uncertainty.degrees_of_freedom;
-        let sigma0 = judged.uncertainty.sigma0;
-        let Some(test) = ChiSquareTest::new(judged.squares, freedom).filter(|_| freedom >= 1.0)
-        else {
+        let Some(test) = judged.misfit() else {
             return;
         };
-        if test.p_too_large > CERTAIN || self.is_robust() {
-            return;
-        }
         let problem = &judged.assembly.problem;
         let mut found = Vec::new();
         let mut tried = 0;
@@ -70,7 +62,7 @@ impl Job {
             .collect();
         causes.sort_by(|a, b| b.share.total_cmp(&a.share));
         doubts.push(Doubt::Misfit {
-            sigma0,
+            sigma0: judged.uncertainty.sigma0,
             p_value: test.p_too_large,
             causes,
         });
@@ -84,8 +76,12 @@ impl Job {
             joint: None,
             columns: vec![drift],
         }];
-        let joints = self.arms[set.tool().robot].robot.joints().len();
-        for joint in 0..joints {
+        let joints = self.arms[set.tool().robot]
+            .robot
+            .joints()
+            .iter()
+            .enumerate();
+        for (joint, _) in joints.filter(|(_, joint)| joint.kind == JointKind::Revolute) {
             let of = |f: fn(f64) -> f64| set.q().iter().map(|q| f(q[joint])).collect();
             all.push(Candidate {
                 what: "harmonic",

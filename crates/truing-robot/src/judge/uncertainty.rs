@@ -1,7 +1,7 @@
 //! How sure an estimate is: σ₀ from the measurements, priors as they are, robust losses, bounds.
 
 use crate::error::Error;
-use crate::estimate::Job;
+use crate::estimate::{Job, Prior};
 use crate::identify::Choice;
 use crate::measurement::MeasurementSet;
 use crate::model::{Assembly, Owner};
@@ -9,7 +9,7 @@ use crate::robot::Robot;
 use crate::unknown::{Key, State};
 use std::collections::BTreeMap;
 use std::ops::Range;
-use truing::statistics::{Influence, Residuals, Scale, huber_sigma0};
+use truing::statistics::{ChiSquareTest, Influence, Residuals, Scale, huber_sigma0};
 use truing::{Covariance, LeastSquares};
 
 /// How sure everything is that a calibration estimated: standard deviations, covariances, and
@@ -30,6 +30,18 @@ pub struct Uncertainty {
     pub(super) state: State,
 }
 
+/// The covariance at a state, and what it is from.
+pub(crate) struct Covered {
+    /// No losses, only what is free in it.
+    pub assembly: Assembly,
+    /// In units of σ₀².
+    pub covariance: Covariance,
+    pub sigma0: f64,
+    pub degrees_of_freedom: f64,
+    /// Residuals of the measurements, set after set.
+    pub whitened: Vec<f64>,
+}
+
 /// The uncertainty, with what else is to be said of the measurements that it is from.
 pub(crate) struct Judged {
     pub uncertainty: Uncertainty,
@@ -37,10 +49,24 @@ pub(crate) struct Judged {
     pub assembly: Assembly,
     /// Residuals of the measurements, set after set, then of priors.
     pub residuals: Residuals,
-    /// Whitened residuals, row by row.
+    /// Whitened residuals of the measurements, row by row.
     pub whitened: Vec<f64>,
     /// ‖r‖² of the measurements, whitened.
     pub squares: f64,
+    /// Whether a robust loss was set aside, so that this sum is not χ².
+    pub robust: bool,
+}
+
+/// Level of the global test that residuals must fail to be called larger than the noise.
+const CERTAIN: f64 = 1e-3;
+
+impl Judged {
+    /// The global test, if residuals are larger than the stated noise for certain.
+    pub fn misfit(&self) -> Option<ChiSquareTest> {
+        let freedom = self.uncertainty.degrees_of_freedom;
+        let test = ChiSquareTest::new(self.squares, freedom)?;
+        (freedom >= 1.0 && !self.robust && test.p_too_large < CERTAIN).then_some(test)
+    }
 }
 
 impl Uncertainty {
@@ -60,16 +86,20 @@ impl Uncertainty {
 }
 
 impl Job {
-    /// The uncertainty of the estimated columns at a state.
+    /// The covariance of the estimated columns at a state.
     ///
     /// Measurements are known up to a factor: their covariance is scaled by σ₀². Priors are not, so
     /// (JₘᵀJₘ/σ₀² + JₚᵀJₚ)⁻¹ = σ₀² (JₘᵀJₘ + σ₀² JₚᵀJₚ)⁻¹. Degrees of freedom are the rows less the
     /// unknowns, of which a prior takes the share that it determines. Under a robust loss σ₀ is
-    /// [Huber's factor](huber_sigma0), with J unweighted; residuals are then compared with their
-    /// median, which outliers do not move. Parameters at a bound do not move.
-    pub fn uncertainty(&self, state: &State, choices: &[Choice]) -> Result<Judged, Error> {
+    /// [Huber's factor](huber_sigma0), with J unweighted. Parameters at a bound do not move.
+    pub fn covariance(
+        &self,
+        state: &State,
+        choices: &[Choice],
+        held: &[Prior],
+    ) -> Result<Covered, Error> {
         let plain: Vec<MeasurementSet> = self.sets.iter().map(MeasurementSet::unweighted).collect();
-        let (mut assembly, shares) = self.assembled(&plain, state, choices, 1.0)?;
+        let (mut assembly, shares) = self.assembled(&plain, state, choices, held, 1.0)?;
         let mut covariance = Covariance::at(&assembly.problem, assembly.problem.initial())?;
         let by_priors: f64 = shares
             .iter()
@@ -86,22 +116,45 @@ impl Job {
             influences.extend(measurements.map(|r| Influence::of(&set.loss, r)));
         }
         let rows: usize = influences.iter().map(|influence| influence.rows).sum();
-        let measured = &r[..rows];
-        let squares = measured.iter().map(|r| r * r).sum();
+        r.truncate(rows);
         let degrees_of_freedom = rows as f64 - unknowns;
         let sigma0 = huber_sigma0(influences, unknowns);
+        if !shares.is_empty() && sigma0.is_finite() && sigma0 != 0.0 {
+            (assembly, _) = self.assembled(&plain, state, choices, held, 1.0 / sigma0)?;
+            covariance = Covariance::at(&assembly.problem, assembly.problem.initial())?;
+        }
+        Ok(Covered {
+            assembly,
+            covariance,
+            sigma0,
+            degrees_of_freedom,
+            whitened: r,
+        })
+    }
+
+    /// The uncertainty of the estimated columns at a state, from their [covariance](Self::covariance). Under a robust
+    /// loss residuals are compared with their median, which outliers do not move.
+    pub fn uncertainty(
+        &self,
+        state: &State,
+        choices: &[Choice],
+        held: &[Prior],
+    ) -> Result<Judged, Error> {
+        let Covered {
+            assembly,
+            covariance,
+            sigma0,
+            degrees_of_freedom,
+            whitened,
+        } = self.covariance(state, choices, held)?;
         let scale = if self.is_robust() {
-            Scale::robust(measured)
+            Scale::robust(&whitened)
         } else {
             Scale::Estimated {
                 sigma0,
                 degrees_of_freedom,
             }
         };
-        if !shares.is_empty() && sigma0.is_finite() && sigma0 != 0.0 {
-            (assembly, _) = self.assembled(&plain, state, choices, 1.0 / sigma0)?;
-            covariance = Covariance::at(&assembly.problem, assembly.problem.initial())?;
-        }
         let problem = &assembly.problem;
         let residuals = Residuals::with_scale(problem, problem.initial(), &covariance, scale);
         let robots = self.arms.iter().zip(&state.robots).enumerate();
@@ -126,8 +179,9 @@ impl Job {
             uncertainty,
             assembly,
             residuals,
-            whitened: r,
-            squares,
+            squares: whitened.iter().map(|r| r * r).sum(),
+            whitened,
+            robust: self.is_robust(),
         })
     }
 
@@ -138,6 +192,7 @@ impl Job {
         sets: &[MeasurementSet],
         state: &State,
         choices: &[Choice],
+        held: &[Prior],
         scale: f64,
     ) -> Result<(Assembly, Vec<(usize, f64)>), Error> {
         let mut assembly = Assembly::new(&self.arms, sets, state, &self.estimate.derivatives)?;
@@ -152,7 +207,7 @@ impl Job {
             .collect();
         assembly.free_only(&free);
         let mut shares = Vec::new();
-        for (robot, parameter, sigma) in self.estimate.priors.iter().chain(&self.estimate.held) {
+        for (robot, parameter, sigma) in self.estimate.priors.iter().chain(held) {
             let var = assembly.robot(*robot);
             let column = var.column() + parameter;
             if free.contains(&column) {

@@ -172,6 +172,9 @@ pub struct CalibrationResult {
     pub constraints: Vec<SetResult>,
     /// Rows that were held out, and sets that only validate.
     pub validation: Vec<SetResult>,
+    /// How far links and tool are off from their drawing, as a part of the robot's dimensions: so near nominal they were
+    /// held. None where nothing was.
+    pub drawing: Option<f64>,
     /// Every parameter of every robot.
     pub parameters: Vec<ParameterResult>,
     /// Sensor frames.

@@ -32,6 +32,7 @@ pub(crate) struct Report<'a> {
     pub choices: &'a [Choice],
     pub uncertainty: Option<&'a Uncertainty>,
     pub statistics: Option<&'a Statistics>,
+    pub drawing: Option<f64>,
 }
 
 impl Report<'_> {
@@ -262,6 +263,7 @@ impl Report<'_> {
             sigma0: self.uncertainty.map(|u| u.sigma0).filter(|s| s.is_finite()),
             constraints,
             validation,
+            drawing: self.drawing,
             parameters: self.parameters(state, solution),
             frames,
             targets,

@@ -164,15 +164,15 @@ impl fmt::Display for Doubt {
                          tool counts them",
                     );
                 };
-                let joint = first.joint.as_ref().map_or(String::new(), |joint| format!(" of joint `{joint}`"));
-                let what = match first.what {
-                    "drift" => "a drift from row to row: measure again, from last to first",
-                    "harmonic" => "the angle, sine and cosine: try `model = [\"gain\", \"harmonics(2)\"]`",
-                    other => other,
+                let with = match &first.joint {
+                    Some(joint) => format!(
+                        "the sine and cosine of joint `{joint}`: try `model = [\"gain\", \"harmonics(2)\"]` there"
+                    ),
+                    None => "the number of the row, a drift: measure again, from last to first".to_owned(),
                 };
                 write!(
                     f,
-                    "; in `{}` {:.0} % of them go with {what}{joint}",
+                    "; in `{}` {:.0} % of their squares go with {with}",
                     first.set,
                     first.share * 100.0
                 )

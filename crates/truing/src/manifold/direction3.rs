@@ -13,17 +13,25 @@ pub struct Direction3;
 
 impl Direction3 {
     /// An orthonormal basis (3 × 2) of the plane across the unit vector `n`, continuous in `n`
-    /// except at n = (0, 0, −1) (Duff et al. 2017, "Building an orthonormal basis, revisited").
+    /// except at n = (0, 0, −1): the images of x and y under the reflection that takes z to −n (Frisvad 2012,
+    /// "Building an orthonormal basis from a 3D vector without normalization"), with 1 + n_z in a form that does not
+    /// cancel below the equator.
     pub fn basis(n: &[f64]) -> Matrix3x2<f64> {
-        let sign = 1.0_f64.copysign(n[2]);
-        let a = -1.0 / (sign + n[2]);
+        let across = n[0] * n[0] + n[1] * n[1];
+        let a = if n[2] >= 0.0 {
+            -1.0 / (1.0 + n[2])
+        } else if across > 0.0 {
+            -(1.0 - n[2]) / across
+        } else {
+            return Matrix3x2::new(1.0, 0.0, 0.0, -1.0, 0.0, 0.0);
+        };
         let b = n[0] * n[1] * a;
         Matrix3x2::new(
-            1.0 + sign * n[0] * n[0] * a,
+            1.0 + n[0] * n[0] * a,
             b,
-            sign * b,
-            sign + n[1] * n[1] * a,
-            -sign * n[0],
+            b,
+            1.0 + n[1] * n[1] * a,
+            -n[0],
             -n[1],
         )
     }

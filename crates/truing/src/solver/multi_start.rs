@@ -65,6 +65,9 @@ pub struct Search<P> {
 /// Costs closer than this, relative, belong to one minimum.
 const SAME: f64 = 1e-6;
 
+/// So many starts without a value, and none with one, and no other is expected to have one.
+const HOPELESS: usize = 1000;
+
 /// Solves from every start until the budget is spent, and keeps the minima apart by their cost.
 ///
 /// A converged start beats one that did not converge at the same cost. Minima of the same cost
@@ -72,7 +75,7 @@ const SAME: f64 = 1e-6;
 /// [`Problem::random_starts`](crate::Problem::random_starts) draws them.
 ///
 /// # Errors
-/// If no start is usable: the first start's error.
+/// If no start is usable, or none of a thousand: the first start's error.
 pub fn multi_start<O: LeastSquares>(
     problem: &O,
     starts: impl IntoIterator<Item = O::Point>,
@@ -116,7 +119,12 @@ pub fn multi_start<O: LeastSquares>(
             Ok(outcome) => outcome,
             Err(error @ (Error::NotFinite { .. } | Error::DerivativeNotFinite { .. })) => {
                 unusable += 1;
+                // It took a look at least.
+                evaluations.residual += 1;
                 first_error.get_or_insert(error);
+                if best.is_none() && unusable >= HOPELESS {
+                    break;
+                }
                 continue;
             }
             Err(error) => return Err(error),

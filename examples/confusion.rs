@@ -1,7 +1,7 @@
 //! How often a result is trusted that is worse than the nominal robot, and refused that is better.
 //!
 //! Simulated robots with every kind of flaw are calibrated, and their tools compared with the truth on fresh postures:
-//! `cargo run --release --example confusion -- [SEEDS] [PART OF A NAME]`.
+//! `cargo run --release --example confusion -- [SEEDS] [PART OF A NAME]`; the book shows what 20 seeds print, confusion.md.
 
 #[path = "../tests/support/flaws.rs"]
 mod flaws;
@@ -89,7 +89,7 @@ fn main() {
             Some(judged)
         })
         .collect();
-    table(&judged);
+    table(&judged, seeds);
 }
 
 /// What the tool of the calibrated robot is said to be within, with a probability of 95 %.
@@ -102,72 +102,59 @@ fn ratio(judged: &Judged) -> Option<f64> {
     judged.truth.map(|t| t.calibrated / t.nominal)
 }
 
-fn table(judged: &[Judged]) {
+/// The table in Markdown: every flaw, then robots and all together.
+fn table(judged: &[Judged], seeds: u64) {
     let mut rows: BTreeMap<&str, Vec<&Judged>> = BTreeMap::new();
     for one in judged {
         rows.entry(&one.flaw).or_default().push(one);
     }
-    println!(
-        "{:<75} {:>7} {:>6} {:>6}   {:>7} {:>6} {:>6} {:>5}",
-        "flaw", "trusted", "better", "worse", "refused", "better", "worse", "none"
-    );
-    let print = |name: &str, own: &[&Judged]| {
-        let count = |trusted: bool, of: &dyn Fn(f64) -> bool| {
-            own.iter()
-                .filter(|j| j.trusted == trusted && ratio(j).is_some_and(of))
-                .count()
-        };
-        let worst = own
-            .iter()
-            .filter(|j| j.trusted)
-            .filter_map(|j| ratio(j))
-            .fold(0.0, f64::max);
-        println!(
-            "{name:<75} {:>7} {:>6} {:>6}   {:>7} {:>6} {:>6} {:>5}  worst trusted {worst:.2}",
-            count(true, &|_| true),
-            count(true, &|r| r < 0.9),
-            count(true, &|r| r > 1.1),
-            count(false, &|_| true),
-            count(false, &|r| r < 0.9),
-            count(false, &|r| r > 1.1),
-            own.iter().filter(|j| j.truth.is_none()).count(),
-        );
-    };
+    println!("{seeds} seeds a flaw and robot.\n");
+    println!("| flaw | trusted | better | worse | worst | refused | better | worse | no result |");
+    println!("| --- | --: | --: | --: | --: | --: | --: | --: | --: |");
     for (name, own) in &rows {
-        print(name, own);
+        row(name, own);
     }
-    for robot in ["PUMA", "seven axes", "SCARA"] {
-        print(
-            robot,
-            &judged
-                .iter()
-                .filter(|j| j.robot == robot && !j.of_the_file)
-                .collect::<Vec<_>>(),
-        );
-    }
-    print(
-        "clean",
-        &judged.iter().filter(|j| j.clean).collect::<Vec<_>>(),
-    );
-    print(
-        "files that are wrong",
-        &judged.iter().filter(|j| j.of_the_file).collect::<Vec<_>>(),
-    );
-    print(
-        "all but these",
-        &judged.iter().filter(|j| !j.of_the_file).collect::<Vec<_>>(),
-    );
-    for (name, clean) in [("clean", true), ("flawed", false)] {
-        let claims = judged
+    let of = |wanted: &dyn Fn(&Judged) -> bool| -> Vec<&Judged> {
+        judged
             .iter()
-            .filter(|j| j.trusted && !j.of_the_file && j.clean == clean);
-        let claims: Vec<bool> = claims
+            .filter(|j| !j.of_the_file && wanted(j))
+            .collect()
+    };
+    for robot in ["PUMA", "seven axes", "SCARA"] {
+        row(&format!("**{robot}**"), &of(&|j| j.robot == robot));
+    }
+    row("**no flaw**", &of(&|j| j.clean));
+    row("**all**", &of(&|_| true));
+    let files: Vec<&Judged> = judged.iter().filter(|j| j.of_the_file).collect();
+    row("**files that are wrong**, not counted above", &files);
+    for (name, clean) in [("no flaw", true), ("flaws", false)] {
+        let claims: Vec<bool> = of(&|j| j.trusted && j.clean == clean)
+            .iter()
             .filter_map(|j| Some(j.truth?.calibrated <= j.claimed?))
             .collect();
         let held = claims.iter().filter(|held| **held).count();
         println!(
-            "bounds of 95 % that hold, {name}: {held} of {}",
+            "\nBounds of 95 % that hold, {name}: {held} of {}.",
             claims.len()
         );
     }
+}
+
+fn row(name: &str, own: &[&Judged]) {
+    let count = |trusted: bool, of: &dyn Fn(f64) -> bool| {
+        let alike = own.iter().filter(|j| j.trusted == trusted);
+        alike.filter(|j| ratio(j).is_some_and(of)).count()
+    };
+    let trusted = own.iter().filter(|j| j.trusted).filter_map(|j| ratio(j));
+    println!(
+        "| {name} | {} | {} | {} | {:.2} | {} | {} | {} | {} |",
+        count(true, &|_| true),
+        count(true, &|r| r < 0.9),
+        count(true, &|r| r > 1.1),
+        trusted.fold(0.0, f64::max),
+        count(false, &|_| true),
+        count(false, &|r| r < 0.9),
+        count(false, &|r| r > 1.1),
+        own.iter().filter(|j| j.truth.is_none()).count(),
+    );
 }

@@ -120,3 +120,38 @@ fn the_unit_of_lengths_makes_no_difference() {
     let bound = |result: &serde_json::Value| result["everywhere"][0]["bound"].as_f64().unwrap();
     assert!((bound(&in_metres) / bound(&in_millimetres) - 1.0).abs() < 1e-6);
 }
+
+/// Rows of the book's table are what the simulator gives: trusted, better and worse, refused, better and worse.
+#[test]
+fn the_table_of_the_book_is_that_of_the_simulator() {
+    const TABLE: &str = include_str!("../examples/confusion.md");
+    let flaws = all_flaws();
+    for (k, flaw) in flaws
+        .iter()
+        .enumerate()
+        .filter(|(_, flaw)| flaw.count == 14)
+    {
+        let name = flaw.name();
+        let cells: Vec<&str> = (TABLE.lines())
+            .map(|line| line.split('|').map(str::trim).collect::<Vec<_>>())
+            .find(|cells| cells.get(1) == Some(&name.as_str()))
+            .unwrap();
+        let shown: Vec<usize> = [2, 3, 4, 6, 7, 8]
+            .map(|cell| cells[cell].parse().unwrap())
+            .into();
+        let mut found = vec![0; 6];
+        for robot in &robots() {
+            for seed in 0..20 {
+                let mut case = case(robot, flaw, 1000 * k as u64 + seed).unwrap();
+                let outcome = case.calibration.calibrate().unwrap();
+                let truth = case.truth(&outcome);
+                let first = if outcome.result.trusted { 0 } else { 3 };
+                let ratio = truth.calibrated / truth.nominal;
+                found[first] += 1;
+                found[first + 1] += usize::from(ratio < 0.9);
+                found[first + 2] += usize::from(ratio > 1.1);
+            }
+        }
+        assert_eq!(found, shown, "{name}");
+    }
+}
